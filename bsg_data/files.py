@@ -11,8 +11,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from filelock import FileLock, Timeout
-
 from bsg_data.errors import BSGError, DatasetError
 
 AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes for a path
@@ -190,6 +188,8 @@ def hold(folder: Path) -> Iterator[None]:
     path = folder.parent / f".{folder.name}.lock"
     if not path.parent.is_dir():  # filelock would make it
         raise DatasetError(f"{path.parent}: no such folder")
+    from filelock import FileLock, Timeout  # questions lock nothing
+
     lock = FileLock(path)
     try:
         lock.acquire(timeout=0)

@@ -110,7 +110,8 @@ def name_fault(error: ValidationError) -> str:
     value = first["input"]
     is_shown = isinstance(value, str | int | float) and first["type"] not in _SELF_EXPLAINING
     shown = f", found {show_value(value)}" if is_shown else ""
-    said = first["msg"].removeprefix("Value error, ").replace("valid tuple", "valid list")
+    said = first["msg"].removeprefix("Value error, ").removeprefix(f"{where}: ")
+    said = said.replace("valid tuple", "valid list")
     if first["type"] == "too_long":  # pydantic's words say that it was validated
         said = f"expected at most {first['ctx']['max_length']:,} entries, found more"
     if first["type"] == "literal_error" and first["loc"][-1:] == ("version",):

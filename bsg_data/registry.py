@@ -91,7 +91,8 @@ class Registry(Generic[Row]):
 
     def require(self, names: Iterable[str]) -> None:
         """Refuse unknown names as `require_known` does, without importing anything."""
-        require_known(self.kind, names, self.names(), closed=False)
+        if unknown := [name for name in names if name not in self]:
+            require_known(self.kind, unknown, self.names(), closed=False)
 
     def package_of(self, name: str) -> str | None:
         """Return the package that brings an installed entry point; None for a row or no name."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +41,7 @@ _OF_DATASET, _OF_GRAPH = (
     ("split", "scene", "mask", "fraction"),
     ("labels", "room_labels", "shares", "find"),
 )
-_OF_SEARCH = ("here", "robots", "looks", "chance", "task")
+_OF_SEARCH = ("here", "robots", "costs", "looks", "chance", "task", "budget", "speed")
 _PAGES = (".html", ".htm")
 
 
@@ -95,6 +95,7 @@ def main(
     here: str | None,
     robots: tuple[str, ...],
     looks: tuple[str, ...],
+    costs: tuple[tuple[str, str, str], ...],
     shows: bool,
     quiet: bool,
     **options: Any,
@@ -107,6 +108,7 @@ def main(
     \b
     Example:
       bsg-belief graph.json --find microwave --from hall
+      bsg-belief graph.json --find mug --from hall --budget 60 --speed 0.5
       bsg-belief graph.json --out belief.html --open
       bsg-belief graph.json later.json --out beliefs.html
       bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json
@@ -124,6 +126,8 @@ def main(
         refuse_unused(("force",), "a command without --out")
     if robots:
         refuse_unused(("here", "out"), "a search by several robots")
+    elif here is None:
+        refuse_unused(("budget", "speed"), "a search without --from or --robot")
     _require_formats(options["out"])
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
@@ -139,8 +143,9 @@ def main(
 
         note(TERMS)
     answer = None
-    search = {name: options.pop(name) for name in ("chance", "task")}
+    search = {name: options.pop(name) for name in ("chance", "task", "budget", "speed")}
     search |= {"here": here, "robots": _read_robots(robots), "look": _read_looks(looks)}
+    search["costs"] = _read_costs(costs)
     if find:
         answer = _ask(files[0], model, find, search, as_json=as_json, note=note)
     if options["out"] or not find:
@@ -197,9 +202,9 @@ def _describe_file(path: Path, shows: bool) -> str:
 
 def _require_formats(paths: Sequence[Path]) -> None:
     """Refuse a suffix of no format before the work starts."""
-    from bsg_robot.graph.formats import choose_format
-
     for path in paths:
+        from bsg_robot.graph.formats import choose_format  # an answer alone does not need it
+
         choose_format(path)
 
 
@@ -233,12 +238,14 @@ def _ask(
 ) -> dict[str, Any]:
     """Answer `--find`, and return the answer for a page."""
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
+    from bsg_robot.answers.ways import check_costs
     from bsg_robot.answers.words import find_room
     from bsg_robot.graph.reports import reclassify
 
     for room in (search["here"], *search["robots"].values()):
         if room is not None:  # before the model is read, which is slow
             find_room(file.graph, room)
+    check_costs(file.graph, search["costs"])
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
     seen = bsg_robot.SeenBuilding(graph, predictor, notes=file.notes)
@@ -274,6 +281,22 @@ def _read_looks(said: Sequence[str]) -> float | dict[str, float] | None:
             f"--look says {every:g} of all rooms and {', '.join(costs)} apart; leave one out"
         )
     return costs or None if every is None else every
+
+
+def _read_costs(said: Sequence[tuple[str, str, str]]) -> Mapping[tuple[str, str], float] | None:
+    """Return the costs of `--cost`: `hall kitchen 3.5`, `hall bath closed`."""
+    if not said:
+        return None
+    from bsg_robot.answers.ways import read_costs  # as above
+
+    return read_costs([(one, other, _read_cost(cost)) for one, other, cost in said])
+
+
+def _read_cost(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _read_by_room(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -34,15 +35,17 @@ def find_things(
         print_json(facts)
         return facts
     unit = facts["cost_unit"]
+    costs, budget, speed = (search.get(name) for name in ("costs", "budget", "speed"))
     for thing in things:
         meaning = seen.understand(thing)
         if meaning.how:
             note(meaning.how)
-        places = seen.where(thing, here=here)
+        places = seen.where(thing, here=here, costs=costs)
         _print_places(seen, meaning, places, unit, first=facts["go_first"])
         if len(things) > 1:
             print_text("")
-    _print_plan(seen, facts, unit)
+    within = "" if budget is None else f"{budget:g} s" if speed else _cost(budget, unit, here="0")
+    _print_plan(seen, facts, unit, within and f" within {within}")
     return facts
 
 
@@ -105,33 +108,41 @@ def _describe_pieces(place: bsg_robot.Place) -> str:
     return f"{_name(place)}, if it is there: {', '.join(pieces)}"
 
 
-def _print_plan(seen: bsg_robot.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:
+def _print_plan(
+    seen: bsg_robot.SeenBuilding, facts: Mapping[str, Any], unit: str | None, within: str
+) -> None:
     """Print the room to go to first, and the order of the search if it has several steps."""
     labels = {room.name: room.label for room in seen.graph.rooms}
     for robot, first in (facts["robots"] or {"": facts["go_first"]}).items():
-        said = "no room is left to search"
+        said = f"no room is left to search{within}"
         if first == EXPLORE:
             said = "explore first: find the rooms that are not found yet"
         elif first is not None:
             said = f"go first to {_call(first, labels.get(first))}"
         print_text(f"{robot}: {said}" if robot else said)
-    steps = facts["plan"]
-    if len(steps) < 2:
+    steps, several = facts["plan"], len(facts["things"]) > 1
+    if facts["found_within"]:
+        print_text(f"{'all ' if several else ''}found{within}: {_percent(facts['found_within'])}")
+    timed = bool(steps) and steps[0]["seconds"] is not None
+    if len(steps) < (1 if timed else 2):
         return
-    rows = [
-        (
-            _call(step["room"], step["label"]),
-            _percent(step["probability"]),
-            _cost(step["way"], unit),
-            _cost(step["look"], unit, here="nothing"),
-            _percent(step["found"]),
-        )
-        for step in steps[:_MOST_STEPS]
-    ]
-    header = ("look into", "P", "way", "look", "ended by then")
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "look into": lambda step: _call(step["room"], step["label"]),
+        "P(any)" if several else "P": lambda step: _percent(step["probability"]),
+        "way": lambda step: _cost(step["way"], unit),
+        "look": lambda step: _cost(step["look"], unit, here="nothing"),
+    }
+    if timed:
+        columns["time"] = lambda step: f"{step['seconds']:.0f} s"
+    ended = "all found by then" if several else "ended by then"
+    columns[ended] = lambda step: _percent(step["found"])
+    if several:
+        columns["any found by then"] = lambda step: _percent(step["any_found"])
+    rows = [[say(step) for say in columns.values()] for step in steps[:_MOST_STEPS]]
+    header = [*columns]
     print_text("\n" + format_text(rows, header=header, numeric=header[1:]))
     if len(steps) > _MOST_STEPS:
-        print_note(f"… and {len(steps) - _MOST_STEPS:,} more rooms; --json prints all")
+        print_note(f"… and {len(steps) - _MOST_STEPS:,} more; --json prints all")
 
 
 def _name(place: bsg_robot.Place) -> str:
@@ -153,12 +164,14 @@ def _call(room: str, label: str | None) -> str:
 def _cost(cost: float | None, unit: str | None, *, here: str = "here") -> str:
     if cost is None:
         return "unknown"
+    if cost == math.inf:
+        return "closed"
     if cost == 0:
         return here
     if unit == "rooms":
         shown = f"{cost:.1f}".removesuffix(".0")
         return f"{shown} {'room' if shown == '1' else 'rooms'}"
-    return f"{cost:.1f} m"
+    return f"{cost:.1f} m" if unit == "m" else f"{cost:.1f}"
 
 
 def _percent(probability: float) -> str:

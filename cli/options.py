@@ -25,11 +25,17 @@ MOST_WORKERS = 1024  # each is a process; one machine has no use for more
 
 
 class RegistryChoice(click.Choice[str]):
-    """One name of a registry."""
+    """One name of a registry; it takes long to list what is installed, so who needs it asks."""
+
+    case_sensitive = True
 
     def __init__(self, registry: Registry[Any]) -> None:
-        super().__init__(registry.names())
         self._registry = registry
+
+    @property
+    def choices(self) -> tuple[str, ...]:  # type: ignore[override]
+        """All names."""
+        return self._registry.names()
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name, or refuse it and list the nearest and all known names."""
@@ -151,8 +157,21 @@ def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorato
 
 
 def search_options(function: Function) -> Function:
-    """Add the options of a search: its robots, its looks, and when it ends."""
+    """Add the options of a search: its robots, its costs, and when it ends."""
     for option in (
+        click.option(
+            "--speed",
+            type=float,
+            metavar="NUMBER",
+            help="With --find: speed of the robot in metres a second; a plan then has seconds.",
+        ),
+        click.option(
+            "--budget",
+            type=float,
+            metavar="NUMBER",
+            help="With --find: what the search may cost, in the unit of the ways, or in seconds "
+            "with --speed. The plan is the one that most likely ends within it.",
+        ),
         choice_option(
             "--task",
             ["single", "all"],
@@ -173,6 +192,15 @@ def search_options(function: Function) -> Function:
             metavar="[ROOM=]COST",
             help="With --find: cost of a look, in the unit of the ways; without ROOM in any room.  "
             "[default: by the room's size]",
+        ),
+        click.option(
+            "--cost",
+            "costs",
+            multiple=True,
+            nargs=3,
+            metavar="ROOM ROOM COST",
+            help="With --find: cost of the way between two rooms, instead of the measured one; "
+            "`closed` for a closed door.",
         ),
         click.option(
             "--robot",

@@ -113,12 +113,13 @@ def _find_table(measurement: str, title: str) -> dict[str, Any]:
 
 
 def _show_figures(name: str) -> list[str]:
-    """Return a table of `MEASUREMENT/TITLE`, or of some of its columns: `… | COLUMN; COLUMN`."""
-    place, _, columns = name.partition(" | ")
+    """Return a table of `MEASUREMENT/TITLE`, or a part: `… | COLUMN; COLUMN | START OF A CELL`."""
+    place, columns, some, *_ = (*name.split(" | "), "", "")
     table = _find_table(*place.split("/", 1))
     header, warning = table["header"], WARNINGS[table["tested_on"]]
     chosen = [header.index(one) for one in columns.split("; ")] if columns else range(len(header))
     rows = [[row[n] for n in chosen] for row in table["rows"]]
+    rows = [row for row in rows if any(cell.startswith(some) for cell in row)]
     shown = format_markdown(rows, header=[header[n] for n in chosen])
     return [*shown, "", warning] if warning else shown
 

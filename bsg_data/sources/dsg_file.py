@@ -132,11 +132,6 @@ class DSGFile:
     said: Mapping[str, Any] = field(default_factory=dict)
 
 
-def is_dsg(document: Any) -> bool:
-    """Say whether a JSON document is a Spark-DSG graph, of an old version or a new one."""
-    return isinstance(document, dict) and "nodes" in document and "rooms" not in document
-
-
 def name_symbol(number: int) -> str:
     """Return a node's id as Spark-DSG writes it: a letter, and a number in brackets.
 

@@ -10,7 +10,6 @@ LONGEST = 100  # characters of a name: a longer one names nothing that we know
 MARKS = " ?!.,;:…*\"'`“”„‘’«»‹›()[]{}<>¿¡？"  # around a name that was copied from a sentence
 # Between the words of `CoffeeTable` and of `TVStand`, but not of `DVDs`.
 _CAMEL = re.compile(r"(?<=[^\W_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})")
-_SEPARATORS = str.maketrans("-_", "  ")
 
 
 @lru_cache(maxsize=64)  # every rule normalises a name again
@@ -25,7 +24,7 @@ def separate(name: str) -> str:
     >>> separate("TV_monitor")
     'tv monitor'
     """
-    return normalise_name(name.translate(_SEPARATORS))
+    return normalise_name(name.replace("-", " ").replace("_", " "))
 
 
 def drop_number(name: str) -> str:

@@ -33,25 +33,29 @@ const Panel = (() => {
   }
 
   function answer(side, view, { by, how, model, anywhere }) {
-    const { go_first: first, things } = view.answer, sought = things.length > 1 ? `, to find ${things.map((one) => one.thing).join(", ")}` : "";
-    make("p", { class: "go" }, side, first === null ? "Nothing is left to search."
+    const { go_first: first, things, found_within: within } = view.answer, sought = things.length > 1 ? `, to find ${things.map((one) => one.thing).join(", ")}` : "";
+    make("p", { class: "go" }, side, first === null ? (typeof within === "number" ? "Nothing is left to search within the budget." : "Nothing is left to search.")
       : first === Beliefs.NOWHERE ? "First find the rooms that are not found yet." : `Go first to ${nodeName(view, first)}${sought}.`);
     make("p", { class: "answer" }, side, by === "likeness" ? `Annotators note one down in ${percent(anywhere)} of such buildings, by the model ${model}.`
       : `At least one in the building: ${percent(anywhere)}, by the ${by === "table" ? "table" : "model"} ${model}.`);
+    if (within) make("p", {}, side, `${things.length > 1 ? "All found" : "Found"} within the budget: ${percent(within)}.`);
     if (how) make("p", {}, side, how);
   }
 
   /* List the rooms in the order in which the robot would search them. */
   function planWay(side, view) {
     const { plan, here, things } = view.answer, say = (x) => typeof x === "number" ? Beliefs.cost(view, x) : "–";
-    if (plan.length < 2) return;
+    const several = things.length > 1, timed = plan.length > 0 && typeof plan[0].seconds === "number";
+    if (plan.length < (timed ? 1 : 2)) return;
     make("h3", {}, side, "The planned way" + (here ? " from " + nodeName(view, here) : ""));
-    const body = table(side, "way", ["", "room", things.length > 1 ? "any is there" : "it is there", "way", "look", "ended by then"]);
-    for (const { step, room, probability, way, look, found } of plan.slice(0, FIRST)) {
+    const body = table(side, "way", ["", "room", several ? "any is there" : "it is there", ...(timed ? ["time"] : ["way", "look"]),
+      ...(several ? ["all found by then", "any found by then"] : ["ended by then"])]);
+    for (const { step, room, probability, way, look, seconds, found, any_found: any } of plan.slice(0, FIRST)) {
       const row = make("tr", {}, body);
       make("i", { class: "stop" }, make("td", {}, row), step);
       make("th", { scope: "row" }, row, nodeName(view, room));
-      for (const text of [percent(probability), say(way), say(look), percent(found)]) make("td", {}, row, text);
+      const texts = [percent(probability), ...(timed ? [Math.round(seconds) + " s"] : [say(way), say(look)]), percent(found), ...(several ? [percent(any)] : [])];
+      for (const text of texts) make("td", {}, row, text);
     }
     if (plan.length > FIRST) make("p", {}, side, `${plan.length - FIRST} more`);
   }

@@ -203,7 +203,8 @@ const Picture = (() => {
       const [cx, cy] = spotOf(scene, here), said = "the robot is in " + Beliefs.nodeName(view, here);
       for (const r of [12, 3]) draw("circle", { class: "robot", cx, cy, r, "data-node": here, "data-say": said }, stops);
     }
-    for (const { step, room } of scene.stops) {
+    const first = (stop, k, all) => all.findIndex(({ room }) => room === stop.room) === k;  // of the looks into a room
+    for (const { step, room } of scene.stops.filter(first)) {
       const [x, y] = spotOf(scene, room), said = `${step}: ${Beliefs.nodeName(view, room)}`;
       const mark = draw("g", { class: "stop", "data-node": room, "data-say": said }, stops);
       draw("circle", { cx: x, cy: y, r: 8.5 }, mark);

@@ -29,6 +29,8 @@ class Knowledge:
         wanted: `[E, A]` classes still to be found.
         presence: `[E, N, A]` believed P(a look finds at least one instance), of unexplored rooms
             only. A look that misses nothing finds one if there is one.
+        again: `[E, L, N, A]` believed P(the next look finds none, and the one after it does), and
+            so on for L looks; None if looks miss nothing.
         share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
             planner that does not read it, and if the caller of `next_room` gave none.
         tour: `[E, N]` positions of the rooms in the oracle's tour; None for other planners.
@@ -45,6 +47,7 @@ class Knowledge:
     share: Floats | None
     tour: Ints | None = None
     look: Floats | None = None
+    again: Floats | None = None
 
     def take(self, which: Ints | Bools) -> Knowledge:
         """Return what some of the robots know."""
@@ -62,11 +65,6 @@ class Knowledge:
     def costs(self) -> Floats:
         """Cost of the cheapest way between any two nodes, `[E, N, N]`."""
         return np.asarray(self.ways[self.rows])
-
-    @property
-    def legs(self) -> Floats:
-        """Cost of going from any node to any other and looking there, `[E, N, N]`."""
-        return self.costs if self.look is None else self.costs + self.look[:, None]
 
     @property
     def any_presence(self) -> Floats:

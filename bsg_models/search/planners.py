@@ -17,7 +17,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.words.shown import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, Task, find_costs
-from bsg_models.search.orders import choose_rooms
+from bsg_models.search.plans import by_number, plan_search, take_ways
+from bsg_models.search.problem import LEAST, LEAST_FIND, pose_search
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
 
@@ -50,26 +51,18 @@ def ratio(known: Knowledge) -> Ints:
 
 def expected_cost(known: Knowledge) -> Ints:
     """Go to the first room of the order with the least expected cost."""
-    return choose_rooms(
-        known.legs,
-        known.here,
-        known.unexplored,
-        known.presence,
-        wanted=known.wanted,
-        single=known.task == "single",
-    )
+    finds = known.presence[:, None]
+    if known.again is None:
+        finds = finds.clip(LEAST)
+    else:
+        finds = np.concatenate([finds, known.again], axis=1).clip(LEAST_FIND)
+    return _plan_first(known, np.where(known.wanted[:, None, None], finds, 0.0))
 
 
 def routing(known: Knowledge) -> Ints:
     """Do as `expected-cost` if one instance were equally likely in every room."""
-    return choose_rooms(
-        known.legs,
-        known.here,
-        known.unexplored,
-        np.full((*known.unexplored.shape, 1), _ALIKE),
-        wanted=np.ones((len(known.here), 1), dtype=bool),
-        single=known.task == "single",
-    )
+    searches, nodes = known.unexplored.shape
+    return _plan_first(known, np.full((searches, 1, nodes, 1), _ALIKE))
 
 
 def oracle(known: Knowledge) -> Ints:
@@ -233,3 +226,24 @@ def _leg(known: Knowledge) -> Floats:
 def _best(known: Knowledge, score: Floats) -> Ints:
     """Return the unexplored room with the highest score; ties go to the lowest index."""
     return np.asarray(np.where(known.unexplored, score, -np.inf).argmax(axis=1))
+
+
+def _plan_first(known: Knowledge, finds: Floats) -> Ints:
+    """Return the first rooms of the plans that cost least, `[E]`; −1 without rooms.
+
+    Args:
+        known: about E searches.
+        finds: `[E, L, N, A]` P(the first look into a room finds it; only the second does; …).
+    """
+    first = np.full(len(known.here), -1)
+    look = np.zeros(known.unexplored.shape) if known.look is None else known.look
+    for some, rooms in by_number(known.unexplored):
+        problem, place = pose_search(
+            take_ways(known.ways, known.here[some], known.rows[some], rooms),
+            np.take_along_axis(finds[some], rooms[:, None, :, None], axis=2),
+            look=look[some[:, None], rooms],
+            single=known.task == "single",
+        )
+        every = np.arange(len(some))
+        first[some] = rooms[every, place[every, plan_search(problem)[:, 0]]]
+    return first

@@ -6,9 +6,9 @@ asked again. A run ends with the first instance of each sought class (`single`),
 found (`all`), which the simulator knows and the robot does not.
 
 In a world where looks cost something, a robot looks into the room that it goes to, and into none on
-the way. A look may miss an instance. Then the room becomes less likely by Bayes' rule, as if it had
-at most one, and waits for another look (`leave_out`). A robot that reads no belief looks
-into every room once before it looks into one again.
+the way. A look may miss an instance, and the next one does so for the same reasons
+(`bsg_models.search.looks`). Then the room becomes less likely by Bayes' rule, as if it had at most
+one. A robot that reads no belief looks into every room once before it looks into one again.
 
 All searches of one building run in lockstep: one call of a planner moves each of its searches once,
 and the beliefs of all robots are asked at once.
@@ -26,14 +26,14 @@ from scipy.stats import binom
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
-from bsg_models.belief.partial_graph import LOOK_CHANCE
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
-from bsg_models.search.looks import leave_out
-from bsg_models.search.orders import plan_tours
 from bsg_models.search.planners import ask_planner
+from bsg_models.search.plans import plan_tours
 
 _Key = TypeVar("_Key", bound=Hashable)
+_AGAIN = 2  # further looks that are weighed
+_LEAST = 1e-3  # P(a room has one), as long as looks may miss: a wrong belief must not end a search
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,10 @@ class Episodes:
     luck: Floats | None = (
         None  # `[E, N, L]` of the first L looks in a room, 0 to 1; later ones find
     )
+
+    def missed(self, looks: Ints) -> Floats:
+        """Return P(an instance that is there is missed) by some looks."""
+        return np.asarray(1 / (1 + looks * self.chance / (1 - self.chance)))
 
     @property
     def random_success(self) -> Floats:
@@ -212,34 +216,35 @@ class _Run:
 
     def _find(self, rows: Ints, place: Ints) -> Ints:
         """Return the number of instances that looks find, `[M, A]`."""
-        there, luck = self.left[rows, place], self.episodes.luck
-        if luck is None:
-            return np.where(self.explored[rows, place, None], 0, there)
-        number = np.minimum(self.looks[rows, place], luck.shape[2] - 1)
-        lucky = luck[rows, place, number][:, None]
-        found = binom.ppf(lucky, there, self.episodes.chance).astype(np.int64)
-        return np.where(self.looks[rows, place, None] < luck.shape[2], found.clip(min=0), there)
+        episodes, there, number = self.episodes, self.left[rows, place], self.looks[rows, place]
+        if episodes.luck is None:
+            return np.where(number[:, None] > 0, 0, there)
+        most = episodes.luck.shape[2]
+        lucky = episodes.luck[rows, place, np.minimum(number, most - 1)][:, None]
+        chance = 1 - episodes.missed(number + 1) / episodes.missed(number)
+        found = binom.ppf(lucky, there, chance[:, None]).astype(np.int64)
+        return np.where(number[:, None] < most, found.clip(min=0), there)
 
     def _know(self, answer: Answer | None) -> Knowledge:
         """Return what the robot knows in its running searches."""
         rows, robot, episodes = self.rows, self.robot, self.episodes
-        explored = self.explored[rows]
-        presence, share = answer or (np.zeros((*explored.shape, episodes.artifacts.shape[1])),) * 2
+        looks, look = self.looks[rows], episodes.look
+        unexplored, again = episodes.rooms & (looks == 0), None
+        presence, share = answer or (np.zeros((*looks.shape, episodes.artifacts.shape[1])),) * 2
+        if episodes.luck is not None:
+            unexplored = np.broadcast_to(episodes.rooms, looks.shape)
+            if robot.planner.reads == "none":
+                fewest = looks.min(axis=1, where=unexplored, initial=looks.max(), keepdims=True)
+                unexplored = unexplored & (looks == fewest)
+            share = None if share is None else self._doubt(rows, share, part=1)
+            presence, again = self._expect(rows, presence)
         if robot.planner.reads == "truth":
             presence = (self.left[rows] > 0).astype(float)
-            unexplored = episodes.rooms & ~explored
             if episodes.luck is not None:
                 unexplored = episodes.rooms & presence.any(axis=2)
-        elif episodes.luck is None:
-            unexplored = episodes.rooms & ~explored
-        else:
-            presence = self._doubt(rows, presence, part=0)
-            share = None if share is None else self._doubt(rows, share, part=1)
-            unexplored = self._reopen(rows, presence)
         open_ = unexplored[:, :, None]
         # For `all`, every class stays wanted: a robot does not know when it has found all of one
         wanted = (self.unfound[rows] > 0) | (robot.task == "all")
-        look = episodes.look
         return Knowledge(
             task=robot.task,
             here=self.here[rows],
@@ -247,28 +252,25 @@ class _Run:
             rows=rows,
             unexplored=unexplored,
             wanted=wanted,
-            presence=np.where(open_, presence, 0.0) * episodes.chance,
+            presence=np.where(open_, presence, 0.0),
             share=None if share is None else np.where(open_, share, 0.0),
             tour=None if self.tour is None else self.tour[rows],
             look=None if look is None else np.broadcast_to(look, unexplored.shape),
+            again=again,
         )
+
+    def _expect(self, rows: Ints, presence: Floats) -> tuple[Floats, Floats]:
+        """Return P(the next look finds one), and for those after it, from P(there is one)."""
+        there = self._doubt(rows, presence.clip(_LEAST), part=0)
+        looks, missed = self.looks[rows, :, None], self.episodes.missed
+        now = there / missed(looks)
+        finds = [now * (missed(looks + n) - missed(looks + n + 1)) for n in range(1 + _AGAIN)]
+        return finds[0], np.stack(finds[1:], axis=1)
 
     def _doubt(self, rows: Ints, now: Floats, *, part: int) -> Floats:
         """Return presence or share in all rooms, `[M, N, A]`, by Bayes' rule after looks."""
         looks = self.looks[rows, :, None]
         before = np.where(looks == 0, now, self.before[part, rows])
         self.before[part, rows] = before
-        missed = (1 - self.episodes.chance) ** looks
+        missed = self.episodes.missed(looks)
         return np.asarray(before * missed / (1 - before + before * missed))
-
-    def _reopen(self, rows: Ints, presence: Floats) -> Bools:
-        """Return the rooms that may be looked into, `[M, N]`, if looks may miss."""
-        looks, every = self.looks[rows], np.arange(len(rows))
-        rooms = np.broadcast_to(self.episodes.rooms, looks.shape)
-        again = np.zeros(looks.shape, dtype=bool)
-        again[every, self.here[rows]] = looks[every, self.here[rows]] > 0
-        missed = (1 - LOOK_CHANCE) ** looks.astype(float)  # each is a look, whatever its chance
-        likely = 1 - (1 - presence).prod(axis=2)
-        if self.robot.planner.reads == "none":
-            likely = np.ones(looks.shape)  # so that every room waits for all that had fewer looks
-        return leave_out(rooms, missed, likely, again=again)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from bsg_data.arrays import Ints
+from bsg_models.search.plans import plan_search, split_plan
+from bsg_models.search.problem import LEAST, pose_search
 from bsg_models.search.simulator import Beliefs, Episodes, Outcome
-from bsg_models.search.teams import send_team
 
 
 def search_together(episodes: Episodes, starts: Ints, *, beliefs: Beliefs | None) -> Outcome:
@@ -19,7 +20,7 @@ def search_together(episodes: Episodes, starts: Ints, *, beliefs: Beliefs | None
     Args:
         episodes: E searches of one building, in which looks cost something.
         starts: `[E, K]` rooms of the robots.
-        beliefs: by which `send_team` sends them; None: each goes to its nearest room.
+        beliefs: by which their plan is made; None: each goes to its nearest room.
     """
     ended = [_search_one(episodes, row, here, beliefs) for row, here in enumerate(starts)]
     times, looks = zip(*ended, strict=True)
@@ -54,15 +55,15 @@ def _search_one(
             there[robot] = place[robot]
             presence, _ = beliefs(np.array([row]), (looked & episodes.rooms)[None], shares=False)
             team = np.flatnonzero(np.isfinite(free))  # without those that have nothing left to do
-            first = send_team(
-                legs,
-                np.array(there)[team],
-                rooms,
-                presence[0],
+            which, at = np.flatnonzero(rooms), np.array(there)[team]
+            problem, _ = pose_search(
+                legs[np.ix_([*which, *at], which)][None],
+                presence[None, :, which].clip(LEAST, 1),
                 single=True,
-                delay=(free - free[robot])[team],
+                delay=(free - free[robot])[team][None],
             )
-            node = int(first[team == robot][0])
+            mine = split_plan(plan_search(problem)[0], problem)[[*team].index(robot)]
+            node = int(which[mine[0]]) if mine else -1
         target[robot] = None if node < 0 else node
         free[robot] = np.inf if node < 0 else free[robot] + legs[place[robot], node]
     raise AssertionError("an instance is in some room")

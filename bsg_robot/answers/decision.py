@@ -1,12 +1,11 @@
-"""Decide which room a robot looks into next, to find things at the least expected cost.
+"""Pose a robot's question as a search, and say where its plan goes.
 
-This is optimal search (Koopman 1957, Stone 1975): it is believed where a thing is, a look finds it
-with a chance if it is there, and going and looking cost something. A plan looks into every room
-once, and is made anew after every look. `bsg_models.search.orders` says what it costs.
+It is believed where a thing is, a look finds it with a chance if it is there, and going and looking
+cost something (Koopman 1957, Stone 1975). `bsg_models.search.problem` has the law and what a plan
+costs; a plan is made anew after every look.
 
-- A thing of which one is known for sure is found. If all are, the robot goes where they are; there
-  it need not search.
-- A room in which a look has missed waits for others (`leave_out`).
+- A thing of which one is known for sure is found. If all are, robots go where they are; there, they
+  need not search.
 - To find `all`, those that are known for sure do not count, because nobody has to look for them.
 - What is behind a closed door does not count, as long as something else is left, and a thing that
   is nearly sure to be there does not count beside others.
@@ -14,81 +13,92 @@ once, and is made anew after every look. `bsg_models.search.orders` says what it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import AnyPlanner, find_planner
 from bsg_models.search.knowledge import Task
-from bsg_models.search.looks import leave_out
-from bsg_models.search.orders import order_search
+from bsg_models.search.looks import look_again
 from bsg_models.search.planners import next_room_by
-from bsg_models.search.teams import send_team
-from bsg_robot.answers.missed_looks import Looked
+from bsg_models.search.plans import plan_search, split_plan
+from bsg_models.search.problem import LEAST_FIND, SearchProblem, pose_search
+from bsg_models.zoo.building_tilt import untilt
+from bsg_robot.answers.missed_looks import Chances, shape_of
 from bsg_robot.answers.thing_belief import ThingBelief
-from bsg_robot.answers.ways import Ways
 
-_FAR = 1e9  # cost of a way that is closed to one of several robots
-_LATER = 1e6  # cost of another look by the robot that has just looked there
-_PLANS = 8  # that are made in turn: only the first room binds
+_LOOKS = 3  # into a place, that a plan may have; one if a look misses nothing
 _NOTHING = 1e-12  # a smaller probability is rounding
+_LEAST_SCALE = 1e-3  # at 0, rooms exclude each other; so they nearly do
 _LEAST_REACHED = 0.1  # share of P(a look anywhere finds a thing)
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What a decision depends on, for N nodes and A things that are still to be found.
+    """What a decision depends on, for N places and A things that are still to be found.
 
     Attributes:
-        finds: `[N, A]` P(a look finds at least one); 0 where nothing is left to look for.
-        missed, again: `[N, A]` what looks for each have missed; see `Looked`.
+        finds: `[L, N, A]` P(the first look into a place finds it; only the second does; …).
+        scale: `[A]` Z, of the tilt of the building.
+        looked: `[N]` number of looks that missed one of the things there.
         task: `single` or `all`.
         things: which of the things these are.
-        is_known: whether all things are known for sure, so that the robot only has to go there.
+        is_known: whether all are known for sure, so that a robot only has to go there.
+        rooms: `[N]` number of the room of each place; None if each is of its own.
     """
 
     finds: Floats
-    missed: Floats
-    again: Bools
+    scale: Floats
+    looked: Ints
     task: Task
     things: tuple[int, ...]
     is_known: bool = False
+    rooms: Floats | None = None
 
     @property
-    def rooms(self) -> Bools:
-        """The rooms that are left to search, `[N]`."""
-        return np.asarray((self.finds > _NOTHING).any(axis=1))
-
-    def candidates(self, *here: int, among: Bools | None = None) -> Bools:
-        """Return the rooms that may be named, `[N]`, for robots in some rooms.
-
-        A room that waits for another, to which one robot may go, does not wait for the next robot.
-        """
-        left = self.rooms if among is None else among.copy()
-        missed = np.where(self.finds > _NOTHING, self.missed, 0.0).max(axis=1)
-        free = leave_out(left, missed, self.likely, again=left & self.just_looked(*here))
-        for _ in here[1:]:
-            left[np.where(free & left, self.likely, -1.0).argmax()] = False
-            free |= leave_out(left, missed, self.likely, again=np.zeros_like(left))
-        return free
-
-    def just_looked(self, *here: int) -> Bools:
-        """Return the rooms of robots that looked there last, `[N]`."""
-        beside = np.isin(np.arange(len(self.finds)), here)
-        return beside & (self.again | (self.finds <= _NOTHING)).all(axis=1)
+    def left(self) -> Bools:
+        """The places that are left to search, `[N]`."""
+        return np.asarray((self.finds[0] > _NOTHING).any(axis=1))
 
     @property
     def likely(self) -> Floats:
-        """P(a look finds any of the things), `[N]`."""
-        return np.asarray(1 - (1 - self.finds).prod(axis=1))
+        """P(the next look finds any of the things), `[N]`."""
+        return np.asarray(1 - (1 - self.finds[0]).prod(axis=1))
+
+    def pose(
+        self, costs: Floats, look: Floats, here: Sequence[int], *, budget: float | None = None
+    ) -> tuple[SearchProblem, Ints]:
+        """Return the search of some robots, and the place of each of its looks.
+
+        Args:
+            costs: `[N, N]` of the ways between places.
+            look: `[N]` cost of a look.
+            here: places of the robots.
+            budget: of each robot.
+        """
+        places = np.flatnonzero(self.left)
+        # Nobody sends two robots into one room; and who looks for all looks everywhere once.
+        again = self.task == "single" and len(here) == 1
+        looks = self.finds if again else self.finds[:1]
+        finds = (looks * self.scale)[:, places].clip(LEAST_FIND, 1.0)
+        problem, place = pose_search(
+            costs[np.ix_(np.array([*places, *here], dtype=np.int64), places)][None],
+            finds[None],
+            look=0.0 if self.is_known else look[places][None],
+            single=self.task == "single",
+            rooms=None if self.rooms is None else self.rooms[places],
+            scale=None if (self.scale == 1).all() else self.scale[None],
+            budget=budget,
+        )
+        return problem, places[place[0]]
 
 
 def weigh(
     beliefs: Sequence[ThingBelief],
-    looked: Sequence[Looked],
+    looks: Sequence[Mapping[int, Chances]],
     *,
     here: Sequence[int],
     open_: Bools,
@@ -99,7 +109,7 @@ def weigh(
 
     Args:
         beliefs: of A things.
-        looked: what looks for each have missed.
+        looks: node → what was looked at there for each thing.
         here: nodes of the robots.
         open_: `[N]` nodes that a way leads to, for any of the robots.
         chance: P(a look finds a thing that is there).
@@ -108,98 +118,114 @@ def weigh(
     Raises:
         RecipeError: if rooms are left, and no way leads to any of them.
     """
-    missed = np.stack([one.missed for one in looked], axis=1)
-    again = np.stack([one.again for one in looked], axis=1)
     sure = np.stack([one.is_sure & open_ for one in beliefs], axis=1)
     unknown = np.asarray(~sure.any(axis=0)) if task == "single" else np.ones(len(beliefs), bool)
+    nodes, every = len(open_), tuple(range(len(beliefs)))
     if not unknown.any():
         beside = sure[list(here)].any(axis=0)
         left = sure[:, ~beside] if not beside.all() else sure
-        none = np.zeros(left.shape, dtype=bool)
-        every = tuple(range(len(beliefs)))
-        return Decision(left.astype(float), np.ones(left.shape), none, task, every, is_known=True)
-    finds = np.stack([one.finds(chance, unsure=task == "all") for one in beliefs], axis=1)
+        none = np.zeros(nodes, dtype=np.int64)
+        finds = left[None].astype(float)
+        return Decision(finds, np.ones(left.shape[1]), none, task, every, is_known=True)
+    finds = np.stack(
+        [
+            _find(one, chances, chance, unsure=task == "all")
+            for one, chances in zip(beliefs, looks, strict=True)
+        ],
+        axis=2,
+    )
     reached = np.where(open_[:, None], finds, 0.0)
-    if (finds[:, unknown] > _NOTHING).any() and not (reached[:, unknown] > _NOTHING).any():
+    if (finds[0, :, unknown] > _NOTHING).any() and not (reached[0, :, unknown] > _NOTHING).any():
         raise RecipeError(
             "no way leads to a room that is left to search; give `costs` that are finite",
             code="rooms-unreachable",
         )
-    every, left = (1 - (1 - part).prod(axis=0) for part in (finds, reached))
-    near = unknown & (left >= _LEAST_REACHED * every)
+    anywhere, left = (1 - (1 - part[0]).prod(axis=0) for part in (finds, reached))
+    near = unknown & (left >= _LEAST_REACHED * anywhere)
     kept = near if near.any() else unknown
     things = tuple(np.flatnonzero(kept).tolist())
-    return Decision(reached[:, kept], missed[:, kept], again[:, kept], task, things)
+    scale = np.array([tilt_of(beliefs[thing]) for thing in things])
+    looked = np.zeros(nodes, dtype=np.int64)
+    for thing in things:
+        for node, chances in looks[thing].items():
+            looked[node] = max(looked[node], len(chances.get(None, ())))
+    return Decision(reached[..., kept], scale, looked, task, things)
+
+
+def tilt_of(belief: ThingBelief) -> float:
+    """Return Z of the law of a thing: see `bsg_models.search.problem`."""
+    rooms, whole = belief.probability[1:], belief.probability[:1]
+    whole = whole.clip(rooms.max(initial=0.0), max(rooms.sum(), 0.0))
+    return max(_LEAST_SCALE, float(untilt(rooms[:, None], whole)[0])) if len(rooms) else 1.0
+
+
+def _find(
+    belief: ThingBelief, looks: Mapping[int, Chances], chance: float, *, unsure: bool
+) -> Floats:
+    """Return P(the first look finds a thing; only the second; …) at each node, `[L, N]`."""
+    nodes = len(belief.seen)
+    found = np.tile(np.array(found_by((), chance))[:, None], nodes)
+    for node, chances in looks.items():
+        found[:, node] = found_by(chances.get(None, ()), chance)
+    by_then = [belief.finds(some, unsure=unsure) for some in found]
+    return np.diff(by_then, axis=0, prepend=0.0).clip(min=0.0)
+
+
+def found_by(
+    before: tuple[float, ...], chance: float, *, piece: str | None = None
+) -> tuple[float, ...]:
+    """Return P(the first 1, 2, … looks find a thing that looks `before` have missed)."""
+    return look_again(before, chance, looks=1 if chance == 1 else _LOOKS, shape=shape_of(piece))
 
 
 def choose_room(
-    decision: Decision, ways: Ways, look: Floats, *, here: int, planner: AnyPlanner
+    decision: Decision, costs: Floats, look: Floats, *, here: int, planner: AnyPlanner
 ) -> int | None:
-    """Return the node to go to; None if nothing is left to look for.
+    """Return the node that a planner goes to; None if nothing is left to look for.
 
-    Args:
-        decision: about N nodes.
-        ways: between them.
-        look: `[N]` cost of a look.
-        here: the robot's node.
-        planner: as `find_planner` takes it.
+    Arguments are those of `Decision.pose`. A planner that reads no belief looks into every room
+    once before it looks into one again.
 
     Raises:
         RecipeError: if the planner cannot be used.
     """
+    chosen, left = find_planner(planner), decision.left
+    if chosen.reads == "none" and left.any():
+        left &= decision.looked == decision.looked[left].min()
     return next_room_by(
-        ways.costs,
+        costs,
         here=here,
-        explored=~decision.candidates(here),
-        presence=decision.finds,
-        look=_look(decision, look),
+        explored=~left,
+        presence=decision.finds[0],
+        look=np.zeros_like(look) if decision.is_known else look,
         task=decision.task,
-        planner=find_planner(planner),
+        planner=chosen,
     )
 
 
 def choose_likeliest(decision: Decision) -> int | None:
     """Return the node of the likeliest room, wherever it is; None if nothing is left."""
-    rooms = decision.candidates()
-    return int(np.where(rooms, decision.likely, -1.0).argmax()) if rooms.any() else None
+    return int(decision.likely.argmax()) if decision.left.any() else None
 
 
-def order_rooms(decision: Decision, ways: Ways, look: Floats, *, here: int) -> list[int]:
-    """Return the nodes in the order in which a robot looks into them; see `choose_room`.
+def plan_looks(
+    decision: Decision,
+    costs: Floats,
+    look: Floats,
+    *,
+    here: Sequence[int],
+    budget: float | None = None,
+) -> tuple[SearchProblem, Ints, list[list[int]]]:
+    """Return a search of some robots, the place of each of its looks, and those of each robot.
 
-    Whenever other rooms have to wait, the rest is ordered anew, `_PLANS` times at most.
+    A robot that can reach no place has none. Arguments are those of `Decision.pose`.
     """
-    costs, single = ways.costs + _look(decision, look), decision.task == "single"
-    left, order, plans = decision.rooms, list[int](), 0
-    free = decision.candidates(here)
-    while left.any():
-        plans += 1
-        free = free if plans <= _PLANS else left.copy()
-        at = order[-1] if order else here
-        for node in order_search(costs, at, free, decision.finds, single=single).tolist():
-            order.append(node)
-            left[node] = free[node] = False
-            now = decision.candidates(among=left)
-            if plans <= _PLANS and (now != free).any():
-                free = now
-                break
-    return order
-
-
-def choose_rooms(
-    decision: Decision, ways: Ways, look: Floats, *, here: Sequence[int]
-) -> list[int | None]:
-    """Return the node that each robot goes to, so that the time until one finds it is least."""
-    if len(here) == 1:
-        return [choose_room(decision, ways, look, here=here[0], planner="expected-cost")]
-    rooms, single = decision.candidates(*here), decision.task == "single"
-    costs = np.minimum(ways.costs, _FAR) + _look(decision, look)
-    # Who has just looked there leaves it to another.
-    costs += np.diag(np.where(decision.just_looked(*here), _LATER, 0.0))
-    chosen = send_team(costs, np.array(here), rooms, decision.finds, single=single)
-    named = zip(here, chosen.tolist(), strict=True)
-    return [node if node >= 0 and np.isfinite(ways.costs[at, node]) else None for at, node in named]
-
-
-def _look(decision: Decision, look: Floats) -> Floats:
-    return np.zeros_like(look) if decision.is_known else look
+    can = [k for k, at in enumerate(here) if np.isfinite(costs[at, decision.left]).any()]
+    problem, place = decision.pose(costs, look, [here[k] for k in can], budget=budget)
+    plans = [list[int]() for _ in here]
+    if len(place) and can:
+        plan = plan_search(problem)
+        for k, looks in zip(can, split_plan(plan[0], problem), strict=True):
+            open_ = (look for look in looks if np.isfinite(costs[here[k], place[look]]))
+            plans[k] = problem.cut(list(open_), robot=can.index(k))
+    return problem, place, plans

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from bsg_robot.answers.place import Step
+from bsg_robot.answers.place import Place, Step
 from bsg_robot.answers.seen_building import SeenBuilding
+from bsg_robot.answers.ways import Costs, check_costs
 from bsg_robot.answers.words import Meaning, find_room
 
 
@@ -17,6 +19,8 @@ def describe_things(
     *,
     here: str | None,
     robots: Mapping[str, str] | None = None,
+    costs: Costs | None = None,
+    budget: float | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Return where things probably are, and where to go first: what every door answers.
@@ -26,11 +30,17 @@ def describe_things(
         things: in any words.
         here: the robot's room.
         robots: name of each of several robots → its room, instead of `here`.
-        options: `look`, `chance` and `task` of `next_room`.
+        costs: of ways, as for `next_room`.
+        budget: as for `next_room`.
+        options: `look`, `chance`, `task` and `speed` of `next_room`.
     """
     if here is not None:
         here = seen.rooms[find_room(seen.graph, here) - 1]  # which may be said by its label
-    facts: dict[str, Any] = {"things": [_describe(seen, word, here) for word in things]}
+    said = check_costs(seen.graph, costs)
+    # By ids, which are found at once; each answer looks them up again.
+    costs = {(seen.rooms[a - 1], seen.rooms[b - 1]): cost for (a, b), cost in said.items()} or None
+    facts: dict[str, Any] = {"things": [_describe(seen, word, here, costs) for word in things]}
+    options |= {"costs": costs, "budget": budget}
     steps: Sequence[Step] = ()
     first = firsts = None
     if robots:
@@ -40,8 +50,10 @@ def describe_things(
     else:
         steps = seen.explain(things, here=here, **options)
         first = steps[0].room if steps else None
+    within = None if budget is None or robots else steps[-1].found if steps else 0.0
     facts |= {"go_first": first, "plan": list(map(asdict, steps)), "robots": firsts}
-    return {**facts, "cost_unit": None if here is None else seen.ways().unit, "here": here}
+    unit = None if here is None else seen.ways(costs).unit
+    return {**facts, "found_within": within, "cost_unit": unit, "here": here}
 
 
 def describe_place(seen: SeenBuilding, thing: str, *, here: str, **options: Any) -> dict[str, Any]:
@@ -51,13 +63,15 @@ def describe_place(seen: SeenBuilding, thing: str, *, here: str, **options: Any)
         seen: the building.
         thing: any word.
         here: the robot's room.
-        options: `at`, `look` and `chance` of `next_place`.
+        options: `at`, `costs`, `look` and `chance` of `next_place`.
     """
     go = seen.next_place(thing, here=here, **options)
     return {"thing": thing, "room": go and go.room, "piece": go and go.piece}
 
 
-def _describe(seen: SeenBuilding, thing: str, here: str | None) -> dict[str, Any]:
+def _describe(
+    seen: SeenBuilding, thing: str, here: str | None, costs: Costs | None
+) -> dict[str, Any]:
     meaning = seen.understand(thing)
     return {
         "thing": meaning.word,
@@ -66,8 +80,13 @@ def _describe(seen: SeenBuilding, thing: str, here: str | None) -> dict[str, Any
         "by": name_answerer(meaning),
         "model": seen.asked(meaning.word),
         "anywhere": seen.anywhere(meaning.word),
-        "places": list(map(asdict, seen.where(meaning.word, here=here))),
+        "places": list(map(_encode, seen.where(meaning.word, here=here, costs=costs))),
     }
+
+
+def _encode(place: Place) -> dict[str, Any]:
+    """Return a place as JSON can have it: it has no ∞."""
+    return asdict(place) | ({"cost": None} if place.cost == math.inf else {})
 
 
 def name_answerer(meaning: Meaning) -> str:

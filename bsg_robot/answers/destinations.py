@@ -1,8 +1,9 @@
-"""Choose the piece of furniture to look at next, by what going and looking cost.
+"""List the places where one thing may be: pieces of furniture, and the rests of rooms.
 
 The pieces that were seen, in all rooms, and the rest of every room are places of one search, as
 rooms are those of `bsg_robot.answers.decision`. A piece finds a thing with P(the room has it) times
-the piece's share of the room (`bsg_robot.things.pieces`).
+the piece's share of the room (`bsg_robot.things.pieces`). A thing that was not seen is in one place
+of its room.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_models.belief.partial_graph import PartialGraph, SeenObject
 from bsg_models.search.knowledge import find_costs
-from bsg_robot.answers.decision import Decision, choose_room
-from bsg_robot.answers.missed_looks import MissedPieces
+from bsg_robot.answers.decision import Decision, found_by
+from bsg_robot.answers.missed_looks import Chances, missed_by
+from bsg_robot.answers.thing_belief import ThingBelief
 from bsg_robot.answers.ways import Ways, measure_lines, place_of
 from bsg_robot.things.pieces import Furniture
 
@@ -36,8 +38,7 @@ class Spot:
     piece: SeenObject | None = None
     share: float = 1.0  # P(an unseen thing is there, if it is in the room)
     sure: float = 0.0  # P(one that was seen is there)
-    missed: float = 1.0  # P(all looks at it miss a thing that is there)
-    again: bool = False  # whether the last look was there
+    looked: tuple[float, ...] = ()  # chances of the looks that missed there
     seen: tuple[str, ...] = ()  # ids of those that were seen on the piece
 
     @property
@@ -45,12 +46,9 @@ class Spot:
         """Id of the piece."""
         return None if self.piece is None else self.piece.name
 
-    def finds(self, sure: float, unseen: float) -> float:
-        """Return P(a look finds the thing), where one finds what was seen there with `sure`.
-
-        `unseen` is P(a look everywhere in the room finds one that was not seen).
-        """
-        return 1 - (1 - sure * self.sure) * (1 - self.share * unseen)
+    def holds(self, unseen: float) -> float:
+        """Return P(at least one is there), of P(the room has one that was not seen)."""
+        return 1 - (1 - self.sure) * (1 - self.share * unseen)
 
 
 def list_spots(
@@ -59,7 +57,7 @@ def list_spots(
     *,
     node: int,
     on: Mapping[str, str],
-    missed: MissedPieces,
+    looked: Chances,
 ) -> list[Spot]:
     """Return the pieces of a room where a thing may be, then the rest of the room.
 
@@ -70,9 +68,9 @@ def list_spots(
         seen: the things of the kind that were seen in the room.
         node: of the room.
         on: id of an object → that of its piece (`SeenPieces`).
-        missed: what looks at the pieces have missed.
+        looked: what was looked at for such a thing there.
     """
-    shares = furniture.shares(missed.of_pieces).tolist()
+    shares = furniture.shares(missed_by(looked)).tolist()
     lying: dict[str | None, list[SeenObject]] = {}  # None: nobody said on what
     for obj in seen:
         lying.setdefault(on.get(obj.name), []).append(obj)
@@ -89,8 +87,7 @@ def list_spots(
                 piece=piece,
                 share=share,
                 sure=1 - (1 - is_there(here)) * (1 - carries * loose),
-                missed=missed.of_pieces.get(name, 1.0),
-                again=missed.is_last and missed.last == name,
+                looked=looked.get(name, ()),
                 seen=tuple(obj.name for obj in here),
             )
         )
@@ -109,63 +106,55 @@ def leave_rest(spots: list[Spot]) -> list[Spot]:
     seen is hardly worth a look.
     """
     *pieces, rest = spots
-    if any(spot.missed == 1 and spot.share >= _WORTH * rest.share for spot in pieces):
+    if any(not spot.looked and spot.share >= _WORTH * rest.share for spot in pieces):
         rest = replace(rest, share=0.0)
     return [*pieces, rest]
 
 
-def choose_spot(
-    spots: Sequence[Spot],
-    finds: Sequence[float],
-    looks: Sequence[float],
-    *,
-    decision: Decision,
-    graph: PartialGraph,
-    ways: Ways,
-    here: int,
-    at: str | None,
-) -> Spot | None:
-    """Return where to look next; None if nothing is left to look for.
-
-    Of many pieces only the likeliest are weighed, besides the rests of all rooms.
-
-    Args:
-        spots: M places; the rest of a room comes after its pieces.
-        finds: `[M]` P(a look finds the thing).
-        looks: `[M]` costs of a look.
-        decision: about the rooms, for one thing.
-        graph: with the rooms.
-        ways: between the rooms.
-        here: node of the robot's room.
-        at: id of the piece where the robot is; None if it is in the middle of the room.
-    """
+def keep_likeliest(
+    spots: Sequence[Spot], belief: ThingBelief, *, here: int, at: str | None
+) -> tuple[list[Spot], int]:
+    """Return the likeliest pieces and the rests of all rooms, and which of them the robot is at."""
     start = next(
         (k for k, spot in enumerate(spots) if at is not None and spot.name == at),
         next(k for k, spot in enumerate(spots) if spot.piece is None and spot.node == here),
     )
-    ranked = sorted((k for k, spot in enumerate(spots) if spot.piece), key=lambda k: -finds[k])
+    pieces = (k for k, spot in enumerate(spots) if spot.piece)
+    ranked = sorted(pieces, key=lambda k: -spots[k].holds(belief.unseen[spots[k].node]))
     left_out = {*ranked[_MOST:]} - {start}
     kept = [k for k in range(len(spots)) if k not in left_out]
-    some = [spots[k] for k in kept]
-    # The building stays the first node.
-    places = replace(
-        decision,
-        finds=np.array([0.0, *(finds[k] for k in kept)])[:, None],
-        missed=np.array([1.0, *(spot.missed for spot in some)])[:, None],
-        again=np.array([False, *(spot.again for spot in some)])[:, None],
-    )
-    costs = np.pad(_measure(some, graph, ways), ((1, 0), (1, 0)), constant_values=np.inf)
-    chosen = choose_room(
-        places,
-        replace(ways, costs=costs),
-        np.array([0.0, *(looks[k] for k in kept)]),
-        here=1 + kept.index(start),
-        planner="expected-cost",
-    )
-    return None if chosen is None else some[chosen - 1]
+    return [spots[k] for k in kept], kept.index(start)
 
 
-def _measure(spots: Sequence[Spot], graph: PartialGraph, ways: Ways) -> Floats:
+def weigh_spots(
+    spots: Sequence[Spot], belief: ThingBelief, rooms: Decision, *, chance: float
+) -> Decision:
+    """Return what a decision about one thing depends on, by the pieces and rests of rooms.
+
+    Args:
+        spots: M places.
+        belief: where the thing is.
+        rooms: the decision by rooms.
+        chance: P(a look finds a thing that is there).
+    """
+    nodes, share, sure = (
+        np.array([getattr(spot, name) for spot in spots]) for name in ("node", "share", "sure")
+    )
+    left, is_seen = rooms.left[nodes], sure > 0
+    if rooms.is_known:
+        return replace(rooms, finds=(sure * left)[None, :, None], looked=np.zeros_like(nodes))
+    found = np.array([found_by(spot.looked, chance, piece=spot.name) for spot in spots]).T
+    by_then = [
+        1 - (1 - sure * some) * (1 - share * belief.finds_unseen(some, nodes)) for some in found
+    ]
+    finds = np.diff(by_then, axis=0, prepend=0.0).clip(min=0.0) * left
+    # What was seen in two places is two things, which do not exclude each other.
+    apart = nodes + is_seen * np.linspace(0.25, 0.75, len(nodes))
+    looked = np.array([len(spot.looked) for spot in spots])
+    return replace(rooms, finds=finds[:, :, None], looked=looked, rooms=apart)
+
+
+def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways) -> Floats:
     """Return the costs of going from place to place, `[M, M]`.
 
     Between rooms it is the cost between their middles, and how much farther apart the places are

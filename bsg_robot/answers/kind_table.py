@@ -182,11 +182,8 @@ def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Float
     for number, kind in enumerate(kinds):
         table = tables.get(kind, tables.get(known_label(kind)))
         if table is not None:
-            for name, column in columns.items():
-                likely = table["presence"].get(name, 0.0)
-                said[number, column] = np.clip(
-                    np.nanmax([likely, said[number, column], _LEAST]), _LEAST, _MOST
-                )
+            likely = np.array([table["presence"].get(name, 0.0) for name in columns])
+            np.fmax.at(said[number], [*columns.values()], likely.clip(_LEAST, _MOST))
     return said, is_class
 
 
@@ -194,13 +191,14 @@ def _share(things: Sequence[Thing], kinds: Sequence[str]) -> Floats:
     """Return the shares of kinds `[T, K]`; those of kinds that homes have sum to 1."""
     shares = np.zeros((len(things), len(kinds)))
     column = {kind: number for number, kind in enumerate(kinds)}
-    others = [(number, kind) for number, kind in enumerate(kinds) if known_label(kind) != kind]
+    read = [(number, kind, known_label(kind)) for number, kind in enumerate(kinds)]
+    others = [one for one in read if one[1] != one[2] and not is_narrow(one[1])]
     for row, thing in zip(shares, things, strict=True):
         said = dict(thing.rooms)
         for kind, share in said.items():
             if kind in column:
                 row[column[kind]] = share
-        for number, kind in others:
-            if kind not in said:
-                row[number] = _FOREIGN * thing.probability_in(kind)
+        for number, kind, known in others:
+            if kind not in said and known in said:
+                row[number] = _FOREIGN * said[known]
     return shares

@@ -19,12 +19,14 @@ from functools import cache
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Floats
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
+from bsg_models.search.looks import PIECE, ROOM, miss_all
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
 
+Chances = Mapping[str | None, tuple[float, ...]]  # piece; None for a whole room → its looks'
 _TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
 
 
@@ -59,57 +61,31 @@ def _includes(whole: Meaning, sought: Meaning) -> bool:
     return part.wider in (whole.thing.names if whole.thing else (whole.class_name,))
 
 
-@dataclass(frozen=True, eq=False)
-class Looked:
-    """What looks for a thing have missed at N nodes.
-
-    Attributes:
-        missed: `[N]` P(all looks miss a thing that is there); 1 without a look.
-        again: `[N]` whether the last look was there.
-    """
-
-    missed: Floats
-    again: Bools
+def sum_looks(looks: Sequence[MissedLook], sought: Meaning) -> dict[int, Chances]:
+    """Return the rooms with looks for a thing → what was looked at there."""
+    rooms: dict[int, list[Look]] = defaultdict(list)
+    for one in looks:
+        if one.covers(sought):
+            rooms[one.look.room_index].append(one.look)
+    return {node: sum_chances(some) for node, some in rooms.items()}
 
 
-def sum_looks(looks: Sequence[MissedLook], sought: Meaning, *, nodes: int) -> Looked:
-    """Return what looks into whole rooms, the last one at the end, have missed of a thing."""
-    missed, again = np.ones(nodes), np.zeros(nodes, dtype=bool)
-    covering = [one.look for one in looks if one.look.at is None and one.covers(sought)]
-    for one in covering:
-        missed[one.room_index] *= 1 - one.chance
-    if covering:
-        again[covering[-1].room_index] = True
-    return Looked(missed, again)
+def sum_chances(looks: Iterable[Look]) -> Chances:
+    """Return the piece of looks into a room, None for the whole room → their chances."""
+    chances: dict[str | None, tuple[float, ...]] = {}
+    for look in looks:
+        chances[look.at] = (*chances.get(look.at, ()), look.chance)
+    return chances
 
 
-@dataclass(frozen=True, eq=False)
-class MissedPieces:
-    """What looks for a thing have missed in one room.
-
-    Attributes:
-        of_pieces: id of a piece with a look → P(all looks at it miss a thing that is there); None
-            for looks into the whole room.
-        is_last: whether the last look was in this room.
-        last: the piece of the last look; None for the whole room.
-    """
-
-    of_pieces: Mapping[str | None, float]
-    is_last: bool = False
-    last: str | None = None
+def missed_by(chances: Chances) -> dict[str | None, float]:
+    """Return the piece of looks into a room, None for the whole room → P(all looks there miss)."""
+    return {at: miss_all(some, shape=shape_of(at)) for at, some in chances.items()}
 
 
-def sum_pieces(looks: Sequence[MissedLook], sought: Meaning) -> dict[int, MissedPieces]:
-    """Return the rooms with looks for a thing → what these missed, the last one at the end."""
-    covering = [one.look for one in looks if one.covers(sought)]
-    rooms: dict[int, list[Look]] = {}
-    for look in covering:
-        rooms.setdefault(look.room_index, []).append(look)
-    found = {node: MissedPieces(_multiply(some)) for node, some in rooms.items()}
-    if covering:
-        node = covering[-1].room_index
-        found[node] = replace(found[node], is_last=True, last=covering[-1].at)
-    return found
+def shape_of(piece: str | None) -> float:
+    """Return how looks at a piece overlook alike, or into a whole room: see `miss_all`."""
+    return ROOM if piece is None else PIECE
 
 
 def doubt_objects(
@@ -156,43 +132,26 @@ def _doubt_room(
 
     Of each word that was seen there, it decides once.
     """
-    seen, words = find_pieces(objects), defaultdict(list)
-    for one in looks:
-        words[one.meaning.word].append(one)
-    sought = [
-        (some[0].meaning, names(some[0].meaning), _multiply(one.look for one in some))
-        for some in words.values()
-    ]
+    seen, every = find_pieces(objects), list(looks)
+    is_sought = {one.meaning.word: names(one.meaning) for one in every}
 
     @cache
-    def miss_somewhere(number: int) -> float:
-        """Return P(looks for a word miss what is on any piece)."""
-        meaning, _, missed = sought[number]
-        if missed.keys() <= {None}:
-            return 1.0
-        none: Floats = np.zeros(0)  # it is on a piece that was seen
-        known = furnish(meaning.kept_as, room, seen, classes=(), unseen=none)
-        return 1.0 if known is None else known.overlooked(missed)
-
-    @cache
-    def find_sought(word: str) -> list[int]:
-        return [number for number, (_, is_sought, _) in enumerate(sought) if is_sought(word)]
+    def seek(word: str) -> tuple[str, dict[str | None, float]]:
+        """Return what looks for such an object call it, and what they missed."""
+        some = [one for one in every if is_sought[one.meaning.word](word)]
+        chances = sum_chances(one.look for one in some)
+        return some[0].meaning.kept_as if some else word, missed_by(chances)
 
     @cache
     def miss(word: str, piece: str | None) -> float:
-        left = 1.0
-        for number in find_sought(word):
-            missed = sought[number][2]
-            at_piece = miss_somewhere(number) if piece is None else missed.get(piece, 1.0)
-            left *= missed.get(None, 1.0) * at_piece
-        return left
+        name, missed = seek(word)
+        whole = missed.get(None, 1.0)
+        if piece is not None:
+            return whole * missed.get(piece, 1.0)
+        if missed.keys() <= {None}:
+            return whole
+        none: Floats = np.zeros(0)  # it is on a piece that was seen
+        known = furnish(name, room, seen, classes=(), unseen=none)
+        return whole if known is None else whole * known.overlooked(missed)
 
     return lambda obj: miss(obj.raw_category, seen.on.get(obj.name))
-
-
-def _multiply(looks: Iterable[Look]) -> dict[str | None, float]:
-    """Return the piece of a look, None for a whole room → P(all looks there miss)."""
-    missed: dict[str | None, float] = {}
-    for look in looks:
-        missed[look.at] = missed.get(look.at, 1.0) * (1 - look.chance)
-    return missed

@@ -64,11 +64,13 @@ class ExpectedClass:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A room in the order in which a robot would search."""
+    """A look into a room, in the order in which a robot would search."""
 
     room: str  # its id, or `EXPLORE`
     label: str | None
     probability: float  # P(any of the things is there)
     way: float  # cost of going there from the room before
     look: float  # cost of looking there
-    found: float  # P(the search has ended by then)
+    found: float  # P(the search has ended by then: all that are sought are found)
+    any_found: float  # P(any of the things is found by then)
+    seconds: float | None = None  # until this look ends; None if the robot's speed is not said

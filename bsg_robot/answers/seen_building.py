@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
@@ -28,18 +27,24 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import LOOK_CHANCE, PartialGraph
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
-from bsg_models.search.catalogue import AnyPlanner, find_planner
+from bsg_models.search.catalogue import PLANNERS, AnyPlanner, find_planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.planners import require_task
+from bsg_models.search.problem import SearchProblem
 from bsg_robot.answers.decision import (
     Decision,
     choose_likeliest,
     choose_room,
-    choose_rooms,
-    order_rooms,
+    plan_looks,
     weigh,
 )
-from bsg_robot.answers.destinations import LOOK_AT, choose_spot, is_there
+from bsg_robot.answers.destinations import (
+    LOOK_AT,
+    is_there,
+    keep_likeliest,
+    measure_spots,
+    weigh_spots,
+)
 from bsg_robot.answers.nouns import looks_of, split_head
 from bsg_robot.answers.place import (
     EXPLORE,
@@ -71,6 +76,7 @@ from bsg_robot.graph.reports import reclassify
 from bsg_robot.things.pieces import TIDY, find_pieces_of
 
 _SHOWN_PIECES = 3  # of each room
+_MOST = 1e9  # of a cost, a budget, a speed
 _LEAST = 1e-12  # a smaller number is not divided by
 
 
@@ -101,6 +107,38 @@ def open_graph(
         file = open_graph_file(Path(graph), labels=labels, room_labels=room_labels)
     predictor = model if isinstance(model, Predictor) else Predictor(model)
     return SeenBuilding(reclassify(file.graph, predictor.class_map), predictor, notes=file.notes)
+
+
+class _Search(NamedTuple):
+    """How a robot searches: see `SeenBuilding.next_room`."""
+
+    costs: Costs | None
+    look: AnyLook | None
+    chance: float
+    task: Task
+    budget: float | None
+    speed: float | None
+
+    def spend(self, ways: Ways) -> float | None:
+        """Return the budget in the unit of the ways."""
+        if self.speed is not None and not read_number("speed", self.speed, most=_MOST):
+            raise RecipeError("speed: expected above 0, found 0", code="speed-zero")
+        if self.budget is None:
+            return None
+        budget = read_number("budget", self.budget, most=_MOST)
+        return budget if self.speed is None else budget * self.speed * ways.metre
+
+
+class _Plan(NamedTuple):
+    """A plan of some robots, and what it was made of."""
+
+    decision: Decision
+    beliefs: Sequence[ThingBelief]
+    problem: SearchProblem
+    ways: Ways
+    costs: Floats  # `[N]` of a look
+    looks: Sequence[Sequence[int]]  # of each robot, by their numbers in the problem
+    nodes: Sequence[Sequence[int]]  # the same, by their rooms
 
 
 class SeenBuilding(ToldBuilding):
@@ -262,13 +300,15 @@ class SeenBuilding(ToldBuilding):
         chance: float = LOOK_CHANCE,
         planner: AnyPlanner = "expected-cost",
         task: Task = "single",
+        budget: float | None = None,
+        speed: float | None = None,
     ) -> str | None:
         """Return the room to look into next, to find one or several things at the least cost.
 
         The cost is that of going and of looking. The robot's own room is a room like others, with a
-        way of 0; a room in which it has just looked is left out as long as others are left. A thing
-        of which one was seen and is not in doubt is looked for where it was seen. Of several
-        things, those are found; the others are searched for first.
+        way of 0; a second look there finds less, because it overlooks what the first one did
+        (`bsg_models.search.looks`). A thing of which one was seen and is not in doubt is looked for
+        where it was seen. Of several things, those are found; the others are searched for first.
 
         Args:
             things: any word, or several.
@@ -279,26 +319,35 @@ class SeenBuilding(ToldBuilding):
             chance: P(a look finds a thing that is there).
             planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`.
             task: whether one of each is enough (`single`), or all must be found (`all`).
+            budget: what the search may cost, in the unit of the ways, or in seconds with a `speed`:
+                then the room is that of the plan which most likely finds it within the budget.
+            speed: of the robot, metres a second; a look takes as long as the way that costs it.
 
         Returns:
             Its id; `explore` if rooms that are not found yet are worth more; None if no room is
-            left to search.
+            left to search, or none within the budget.
 
         Raises:
             RecipeError: also if the planner cannot be used, a number cannot be, or no way leads to
                 a room that is left.
         """
-        require_task(task)
-        find_planner(planner)
+        chosen = find_planner(planner)
         if here is None:
+            require_task(task)
             if costs is not None or look is not None:
                 self._cost(costs, look)  # what is said must be right, though it does not count
+            if budget is not None:
+                raise RecipeError("budget: needs `here`, the robot's room", code="budget-nowhere")
             node = choose_likeliest(self._weigh(things, [], None, chance, task)[0])
-        else:
+        elif chosen != PLANNERS["expected-cost"]:
+            require_task(task)
             start = find_room(self.graph, here)
-            ways, costs_of_looks = self._cost(costs, look)
+            ways, looks = self._cost(costs, look)
             decision, _ = self._weigh(things, [start], ways, chance, task)
-            node = choose_room(decision, ways, costs_of_looks, here=start, planner=planner)
+            node = choose_room(decision, ways.costs, looks, here=start, planner=chosen)
+        else:
+            plan = self._plan(things, [here], _Search(costs, look, chance, task, budget, speed))
+            node = next(iter(plan.nodes[0]), None)
         return None if node is None else self._name(node)
 
     @alone
@@ -334,29 +383,20 @@ class SeenBuilding(ToldBuilding):
         """
         start, sought = find_room(self.graph, here), self._now.seek(thing)
         piece = None if at is None else self._find_piece(at, start).name
-        ways, costs_of_looks = self._cost(costs, None)
-        look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=1e9)
-        decision, (belief,) = self._weigh(thing, [start], ways, chance, "single")
-        spots = self._now.list_places(sought)
-        unseen = belief.finds_unseen(chance)
-        left = decision.finds[:, 0] > 0
-        finds = [
-            (spot.sure if decision.is_known else spot.finds(chance, float(unseen[spot.node])))
-            * left[spot.node]
-            for spot in spots
-        ]
-        chosen = choose_spot(
-            spots,
-            finds,
-            [costs_of_looks[spot.node] if spot.piece is None else look_at for spot in spots],
-            decision=decision,
-            graph=self.graph,
-            ways=ways,
-            here=start,
-            at=piece,
+        ways, looks = self._cost(costs, None)
+        look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=_MOST)
+        rooms, (belief,) = self._weigh(thing, [start], ways, chance, "single")
+        spots, place = keep_likeliest(self._now.list_places(sought), belief, here=start, at=piece)
+        each = [looks[spot.node] if spot.piece is None else look_at for spot in spots]
+        _, place_of_look, (plan,) = plan_looks(
+            weigh_spots(spots, belief, rooms, chance=chance),
+            measure_spots(spots, self.graph, ways),
+            np.array(each),
+            here=[place],
         )
-        if chosen is None:
+        if not plan:
             return None
+        chosen = spots[place_of_look[plan[0]]]
         return Destination(self._name(chosen.node), chosen.name)
 
     @alone
@@ -369,10 +409,12 @@ class SeenBuilding(ToldBuilding):
         look: AnyLook | None = None,
         chance: float = LOOK_CHANCE,
         task: Task = "single",
+        budget: float | None = None,
+        speed: float | None = None,
     ) -> dict[str, str | None]:
         """Return the room that each of several robots looks into next: see `next_room`.
 
-        The time until any of them finds it is least, if all move at the same speed.
+        The time until they have found it is least, if all move at the same speed.
 
         Args:
             robots: name of each robot → its room.
@@ -381,21 +423,20 @@ class SeenBuilding(ToldBuilding):
             look: cost of a look.
             chance: P(a look finds a thing that is there).
             task: `single` or `all`.
+            budget: of each robot.
+            speed: of each robot.
 
         Returns:
-            Name → id of a room, `explore`, or None if fewer rooms than robots are left; the room
-            where a robot has just looked is left to another.
+            Name → id of a room, `explore`, or None for a robot that is not needed, or can reach no
+            room.
         """
-        require_task(task)
         if not robots:
             raise RecipeError("robots: expected one or more, found none", code="robots-none")
-        starts = [find_room(self.graph, room) for room in robots.values()]
-        ways, costs_of_looks = self._cost(costs, look)
-        decision, _ = self._weigh(things, starts, ways, chance, task)
-        nodes = choose_rooms(decision, ways, costs_of_looks, here=starts)
+        search = _Search(costs, look, chance, task, budget, speed)
+        plan = self._plan(things, [*robots.values()], search)
         return {
-            robot: None if node is None else self._name(node)
-            for robot, node in zip(robots, nodes, strict=True)
+            robot: self._name(nodes[0]) if nodes else None
+            for robot, nodes in zip(robots, plan.nodes, strict=True)
         }
 
     @alone
@@ -408,35 +449,35 @@ class SeenBuilding(ToldBuilding):
         look: AnyLook | None = None,
         chance: float = LOOK_CHANCE,
         task: Task = "single",
+        budget: float | None = None,
+        speed: float | None = None,
     ) -> tuple[Step, ...]:
-        """Return the rooms in the order of the plan whose first room is `next_room`.
+        """Return the looks in the order of the plan whose first room is `next_room`.
 
-        Arguments are those of `next_room`. Several rooms in a row that are not found yet are one
-        step.
+        Arguments are those of `next_room`. A room comes again where a second look is worth it.
+        Several rooms in a row that are not found yet are one step.
         """
-        require_task(task)
-        start = find_room(self.graph, here)
-        ways, costs_of_looks = self._cost(costs, look)
-        decision, beliefs = self._weigh(things, [start], ways, chance, task)
-        order = order_rooms(decision, ways, costs_of_looks, here=start)
-        sought = [beliefs[number].probability for number in decision.things]
+        plan = self._plan(things, [here], _Search(costs, look, chance, task, budget, speed))
+        (nodes,), (looks,) = plan.nodes, plan.looks
+        found, ended = plan.problem.found(looks), plan.problem.ended(looks)
+        sought = [plan.beliefs[number].probability for number in plan.decision.things]
         likely = 1 - np.prod([1 - one for one in sought], axis=0)
-        q = 1 - decision.finds[order]
-        before = np.concatenate([np.ones((1, q.shape[1])), q.cumprod(axis=0)])
-        after = np.concatenate([q[::-1].cumprod(axis=0)[::-1], np.ones((1, q.shape[1]))])
-        found = (1 - before).prod(axis=1) if task == "single" else after.prod(axis=1)
         steps: list[Step] = []
-        for number, (place, node) in enumerate(pairwise([start, *order]), 1):
-            room = self._name(node)
+        spent, at = 0.0, find_room(self.graph, here)
+        for number, node in enumerate(nodes):
+            way, cost = float(plan.ways.costs[at, node]), float(plan.costs[node])
+            spent, at = spent + way + cost, node
             step = Step(
-                room=room,
+                room=self._name(node),
                 label=self._label(node),
                 probability=float(likely[node]),
-                way=float(ways.costs[place, node]),
-                look=0.0 if decision.is_known else float(costs_of_looks[node]),
-                found=float(found[number]),
+                way=way,
+                look=cost,
+                found=float(ended[number]),
+                any_found=float(1 - (1 - found[number]).prod()),
+                seconds=None if speed is None else spent / plan.ways.metre / speed,
             )
-            if steps and room == EXPLORE == steps[-1].room:
+            if steps and step.room == EXPLORE == steps[-1].room:
                 step = _join(steps.pop(), step)
             steps.append(step)
         return tuple(steps)
@@ -517,6 +558,18 @@ class SeenBuilding(ToldBuilding):
         every = np.concatenate([looks[:-1], np.repeat(looks[-1], more)])
         return add_places(ways, more) if more else ways, every
 
+    def _plan(self, things: str | Sequence[str], robots: Sequence[str], search: _Search) -> _Plan:
+        """Return the plan of some robots, by their rooms."""
+        require_task(search.task)
+        here = [find_room(self.graph, room) for room in robots]
+        ways, looks = self._cost(search.costs, search.look)
+        budget = search.spend(ways)
+        decision, beliefs = self._weigh(things, here, ways, search.chance, search.task)
+        problem, place, plans = plan_looks(decision, ways.costs, looks, here=here, budget=budget)
+        nodes = [[int(place[one]) for one in plan] for plan in plans]
+        each = np.zeros_like(looks) if decision.is_known else looks
+        return _Plan(decision, beliefs, problem, ways, each, plans, nodes)
+
     def _weigh(
         self,
         things: str | Sequence[str],
@@ -533,11 +586,11 @@ class SeenBuilding(ToldBuilding):
         meanings = {_key_of(self._words.understand(word)): word for word in reversed(words)}
         distinct = [word for word in words if word in meanings.values()]
         sought = [self._now.seek(word) for word in distinct]
-        beliefs, looked = [one.belief for one in sought], [one.looked for one in sought]
+        beliefs, looks = [one.belief for one in sought], [one.looks for one in sought]
         open_: Bools = np.ones(self._now.nodes, dtype=bool)  # from wherever the robot is
         if ways is not None:
             open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))
-        found = weigh(beliefs, looked, here=here, open_=open_, chance=chance, task=task)
+        found = weigh(beliefs, looks, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
 
 
@@ -575,4 +628,6 @@ def _join(step: Step, more: Step) -> Step:
         way=step.way + more.way,
         look=step.look + more.look,
         found=more.found,
+        any_found=more.any_found,
+        seconds=more.seconds,
     )

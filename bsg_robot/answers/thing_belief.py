@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import SeenObject
@@ -71,24 +71,24 @@ class ThingBelief:
         sure[0] = False
         return sure
 
-    def finds(self, chance: float, *, unsure: bool = False) -> Floats:
+    def finds(self, chances: Floats, *, unsure: bool = False) -> Floats:
         """Return P(a look finds at least one) at each node, `[N]`; 0 of the building.
 
         Args:
-            chance: P(a look finds an object that is there).
+            chances: `[N]` P(a look finds an object that is there).
             unsure: whether only those count of which it is not sure that they are there.
         """
-        missed = 1 - self.finds_unseen(chance)
+        missed = 1 - self.finds_unseen(chances, np.arange(len(self.seen)))
         for node, objects in enumerate(self.seen):
             counted = [obj for obj in objects if not unsure or obj.probability < 1]
-            missed[node] *= _miss(counted, chance)
+            missed[node] *= _miss(counted, chances[node])
         missed[0] = 1.0
         return np.asarray(1 - missed)
 
-    def finds_unseen(self, chance: float) -> Floats:
-        """Return P(a look finds at least one that was not seen), `[N]`."""
-        same = np.full((len(self.seen), 1), chance)
-        return np.asarray(1 - np.where(self.searched, 1.0, self.hidden.miss(same)[:, 0]))
+    def finds_unseen(self, chances: Floats, nodes: Ints) -> Floats:
+        """Return P(a look at some nodes finds at least one that was not seen), `[M]`."""
+        missed = self.hidden.take(nodes).miss(chances[:, None])[:, 0]
+        return np.asarray(1 - np.where(self.searched[nodes], 1.0, missed))
 
     def somewhere(self, nodes: slice) -> float:
         """Return P(some rooms have at least one that was not seen), no more than the building's."""

@@ -254,8 +254,9 @@ class ToldBuilding:
     ) -> None:
         """Report a look for one thing in a room that did not find it.
 
-        The room becomes less likely to have one, by Bayes' rule, but not impossible; two looks
-        count twice. `searched` says that nothing is left in a room. `saw` reports what is found.
+        The room becomes less likely to have one, by Bayes' rule, but not impossible. A second look
+        counts less than the first, because it overlooks what that did. `searched` says that nothing
+        is left in a room. `saw` reports what is found.
 
         Args:
             room: id or label.

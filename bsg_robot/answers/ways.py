@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -14,13 +15,15 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph
+from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph, spell_id
 from bsg_models.search.knowledge import find_costs
 from bsg_models.search.looks import USUAL_WAY, metres_of_look
 from bsg_robot.answers.place import EXPLORE
 from bsg_robot.answers.words import find_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
+MOST_PAIRS = 10_000  # of rooms, in a list of costs
+CLOSED = "closed"  # instead of a cost
 Costs = Mapping[tuple[str, str], float]
 AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
 _MOST = 1e9
@@ -42,11 +45,12 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     """Return the costs of going from room to room.
 
     An edge joins rooms that the graph calls adjacent; without any adjacency, all rooms. Its cost is
-    the straight distance between their positions in metres. If a position is unknown, the cost is
-    the mean of the known edges; if none is known, 1. Disconnected parts of the graph are joined
-    between their nearest rooms, because a building is connected.
+    the straight distance between their positions in metres. If a position is unknown, it is the
+    usual cost: the median of the others; if none is known, 1. Disconnected parts of the graph are
+    joined between their nearest rooms, because a building is connected.
 
-    `costs` of pairs of rooms replace the measured ones, in both directions; ∞ closes a way.
+    `costs` of pairs of rooms replace the measured ones, in both directions; ∞ closes a way. What is
+    guessed makes no way shorter than it was said.
     """
     rooms = len(graph.rooms)
     if rooms > MOST_ROOMS:
@@ -56,31 +60,62 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
             code="rooms-too-many",
             where=graph.scene_id,
         )
-    lines = _straight_lines(graph)
+    lines, said = _straight_lines(graph), check_costs(graph, costs)
+    finite = [cost for cost in said.values() if 0 < cost < math.inf]
     pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
     if not len(pairs):
         pairs = np.argwhere(np.triu(np.ones((rooms, rooms), dtype=bool), k=1)) + 1
     a, b = pairs.T
-    known = lines[a, b][np.isfinite(lines[a, b])]
-    usual = float(np.mean(known)) if len(known) else 1.0
-    edges = np.full(lines.shape, np.inf)
+    measured = lines[a, b][np.isfinite(lines[a, b])]
+    usual = _usual_way(measured if graph.adjacency else _nearest(lines), finite)
+    known = np.full(lines.shape, np.inf)
+    known[a, b] = known[b, a] = lines[a, b]
+    edges = known.copy()
     edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], usual)
     if graph.adjacency:
         _join_parts(edges, lines, usual)
-    for (one, other), cost in check_costs(graph, costs).items():
-        edges[one, other] = edges[other, one] = cost
-    unit: Unit = "given" if costs else "m" if len(known) else "rooms"
-    open_ = edges[np.isfinite(edges)]
-    usual = float(np.median(open_)) if costs and len(open_) else usual
+    for (one, other), cost in said.items():
+        for some in (edges, known):
+            some[one, other] = some[other, one] = cost
+    unit: Unit = "m" if len(measured) else "given" if finite else "rooms"
     # Costs that are given beside positions are in metres, or the robot drives 1 m/s.
-    metre = 1.0 if len(known) else usual / USUAL_WAY
-    if graph.adjacency or costs:
-        return Ways(edges, find_costs(edges), unit, usual, metre)
-    # A straight line is cheapest, but for two usual ways by a room whose place is unknown.
-    nowhere = ~np.isfinite(np.diagonal(lines)[1:]).all()
-    straight = np.where(nowhere & (edges > 2 * usual) & np.isfinite(edges), 2 * usual, edges)
-    np.fill_diagonal(straight, 0.0)
-    return Ways(edges, straight, unit, usual, metre)
+    metre = 1.0 if len(measured) else usual / USUAL_WAY
+    return Ways(edges, _shorten(edges, known, said, graph), unit, usual, metre)
+
+
+def _usual_way(measured: Floats, said: list[float]) -> float:
+    """Return the median of the ways that are measured, or else said; 1 if there are none."""
+    some = measured if len(measured) else np.array(said)
+    return float(np.median(some)) if len(some) else 1.0
+
+
+def _nearest(lines: Floats) -> Floats:
+    """Return the distances of rooms to their nearest ones, of those with a position."""
+    near = np.where(np.eye(len(lines), dtype=bool), np.inf, lines).min(axis=1, initial=np.inf)
+    return np.asarray(near[np.isfinite(near)])
+
+
+def _shorten(
+    edges: Floats, known: Floats, said: Mapping[tuple[int, int], float], graph: PartialGraph
+) -> Floats:
+    """Return the costs of the cheapest ways; what is guessed shortens none that is known.
+
+    If rooms are said to be adjacent, only those ways are known that are said.
+    """
+    if not graph.adjacency and not said:
+        costs = edges.copy()
+        np.fill_diagonal(costs, 0.0)
+        return costs
+    costs = find_costs(edges)
+    if said:
+        sure = find_costs(known)
+        stay = np.isfinite(sure)
+        if graph.adjacency:
+            a, b = np.array([*said]).T
+            stay = np.zeros_like(stay)
+            stay[a, b] = stay[b, a] = np.isfinite(sure[a, b])
+        costs[stay] = sure[stay]
+    return costs
 
 
 def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int], float]:
@@ -95,6 +130,7 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
             f"costs: expected two rooms → cost, {form}, found {show_value(costs)}",
             code="costs-malformed",
         )
+    find = cache(partial(find_room, graph))  # a room that connects with many is said often
     found = {}
     for ends, cost in (costs or {}).items():
         if not isinstance(ends, tuple) or len(ends) != 2:
@@ -103,7 +139,7 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
                 code="costs-malformed",
             )
         what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
-        one, other = (find_room(graph, end) for end in ends)
+        one, other = (find(str(end)) for end in ends)
         found[one, other] = read_number(what, cost, most=math.inf)
     return found
 
@@ -111,11 +147,13 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
 def add_places(ways: Ways, number: int) -> Ways:
     """Return ways with some more nodes, of which it is not known where they are.
 
-    From anywhere, the usual way leads there; back from there, it leads to the middle of the rooms.
+    From anywhere, the usual way leads there. Back from there, it leads to a room in the middle of
+    those that ways lead to.
     """
-    rooms = len(ways.costs)
-    known = ways.costs[1:, 1:]
-    back = np.where(np.isfinite(known), known, 0.0).sum(axis=0) / max(1, rooms - 1)
+    rooms, known = len(ways.costs), ways.costs[1:, 1:]
+    closed = ~np.isfinite(known)
+    middle = np.nanmedian if closed.any() else np.median  # which is faster
+    back = middle(np.where(closed, np.nan, known), axis=0) if rooms > 1 else np.zeros(0)
     costs = np.full((rooms + number, rooms + number), ways.usual)
     costs[:rooms, :rooms] = ways.costs
     costs[rooms:, 1:rooms] += back
@@ -206,7 +244,64 @@ def check_look(said: Any) -> AnyLook | None:
     }
 
 
-SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a piece of furniture
+def read_costs(said: Any) -> Costs | None:
+    """Return the costs of ways from a list of [room, room, cost]; `closed` is ∞.
+
+    Raises:
+        RecipeError: for another form, a cost that is no number of 0 or more, or two of one way.
+    """
+    if said is None:
+        return None
+    form = f'[room, room, cost or "{CLOSED}"]'
+    if not isinstance(said, list | tuple):
+        raise _refuse_costs(f"expected a list of {form}, found {show_value(said)}")
+    if len(said) > MOST_PAIRS:
+        raise _refuse_costs(f"expected at most {MOST_PAIRS:,} ways, found {len(said):,}")
+    costs: dict[tuple[str, str], float] = {}
+    for row in said:
+        ends = [*map(spell_id, row[:2])] if isinstance(row, list | tuple) else []
+        if len(ends) != 2 or len(row) != 3 or not all(isinstance(end, str) for end in ends):
+            raise _refuse_costs(f"expected {form}, found {show_value(row)}")
+        what = " to ".join(map(show_value, ends))
+        cost, wanted = row[2], f"0 to {_MOST:g}, or {CLOSED!r}"
+        if cost == CLOSED:
+            cost = math.inf
+        else:
+            cost = read_number(f"costs: {what}", cost, most=_MOST, wanted=wanted)
+        one, other = ends
+        if costs.get((one, other), cost) != cost or costs.get((other, one), cost) != cost:
+            raise _refuse_costs(f"{what}: two different ones; leave one out")
+        costs[one, other] = cost
+    return costs
+
+
+def _refuse_costs(what: str) -> RecipeError:
+    return RecipeError(f"costs: {what}", code="costs-malformed", where="costs")
+
+
+SaidCosts = Annotated[
+    Costs | None,
+    PlainValidator(read_costs),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {
+                    "type": "array",
+                    "maxItems": MOST_PAIRS,
+                    "items": {
+                        "type": "array",
+                        "minItems": 3,
+                        "maxItems": 3,
+                        "items": {"anyOf": [{"type": "string"}, {"type": "number", "minimum": 0}]},
+                    },
+                },
+                {"type": "null"},
+            ]
+        }
+    ),
+]
+SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a piece, or of all
+SaidSpeed = Annotated[float, Number, Field(ge=1e-6, le=_MOST)]  # metres a second
 SaidLook = Annotated[  # as a field of what people and programs ask
     AnyLook | None,
     PlainValidator(check_look),

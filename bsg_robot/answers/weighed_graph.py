@@ -18,12 +18,11 @@ from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
 from bsg_robot.answers.missed_looks import (
-    Looked,
+    Chances,
     MissedLook,
-    MissedPieces,
     doubt_objects,
+    missed_by,
     sum_looks,
-    sum_pieces,
 )
 from bsg_robot.answers.nouns import read_nouns
 from bsg_robot.answers.place import NOT_SEEN, Piece
@@ -63,8 +62,7 @@ class Sought:
 
     meaning: Meaning
     belief: ThingBelief
-    looked: Looked  # into whole rooms
-    missed: Mapping[int, MissedPieces]  # by node with looks for it
+    looks: Mapping[int, Chances]  # for it, by node
 
 
 class WeighedGraph:
@@ -175,8 +173,7 @@ class WeighedGraph:
         found = self._sought.get(word)
         if found is None:
             meaning = self._words.understand(word)
-            looked = sum_looks(self.looks, meaning, nodes=self.nodes)
-            found = Sought(meaning, self._look_up(meaning), looked, sum_pieces(self.looks, meaning))
+            found = Sought(meaning, self._look_up(meaning), sum_looks(self.looks, meaning))
             if len(self._sought) >= _MOST_SOUGHT:
                 self._sought.clear()
             self._sought[word] = found
@@ -235,11 +232,12 @@ class WeighedGraph:
 
     def _overlook(self, meaning: Meaning) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
-        missed = sum_looks(self.looks, meaning, nodes=self.nodes).missed
-        for node, pieces in sum_pieces(self.looks, meaning).items():
-            is_at_pieces = not pieces.of_pieces.keys() <= {None}
-            if is_at_pieces and (furniture := self.furnish(meaning, node)) is not None:
-                missed[node] *= furniture.overlooked(pieces.of_pieces)
+        missed = np.ones(self.nodes)
+        for node, chances in sum_looks(self.looks, meaning).items():
+            some = missed_by(chances)
+            missed[node] = some.pop(None, 1.0)
+            if some and (furniture := self.furnish(meaning, node)) is not None:
+                missed[node] *= furniture.overlooked(some)
         return missed
 
     def objects_of(self, node: int) -> Sequence[SeenObject]:
@@ -271,7 +269,7 @@ class WeighedGraph:
             Piece(
                 piece=spot.name,
                 name=spot.piece.raw_category if spot.piece else NOT_SEEN,
-                probability=spot.finds(1.0, float(sought.belief.unseen[spot.node])),
+                probability=spot.holds(float(sought.belief.unseen[spot.node])),
                 if_there=spot.share,
                 seen=spot.seen,
             )
@@ -285,7 +283,9 @@ class WeighedGraph:
         for node, room in enumerate(self.whole.rooms, 1):
             spots = self._list_spots(sought, node)
             if not spots:
-                spots = [Spot(node=node, sure=is_there(sought.belief.seen[node]))]
+                looked = sought.looks.get(node, {}).get(None, ())
+                seen = is_there(sought.belief.seen[node])
+                spots = [Spot(node=node, sure=seen, looked=looked)]
             elif room.visited:
                 spots = leave_rest(spots)
             places += spots
@@ -301,7 +301,7 @@ class WeighedGraph:
             sought.belief.seen[node],
             node=node,
             on=self.pieces_of(node).on,
-            missed=sought.missed.get(node, MissedPieces({})),
+            looked=sought.looks.get(node, {}),
         )
 
     def keep_looks(self, graph: PartialGraph) -> PartialGraph:

@@ -12,13 +12,12 @@ from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
 from bsg_data.inputs.documents import require_json
-from bsg_data.sources.dsg_file import is_dsg, parse_dsg
-from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.room_words import RoomWords, read_room_words
 from bsg_models.belief.partial_graph import PartialGraph
-from bsg_robot.graph.hydra import BINARY, convert, describe_hydra, find_document, note_hydra
 from bsg_robot.graph.map_forms import FORM
-from bsg_robot.graph.robot_json import RobotGraphError, parse_robot_graph
+from bsg_robot.graph.robot_json import OwnLabels, RobotGraphError, parse_robot_graph
+
+_BINARY = ".sparkdsg"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +74,8 @@ def parse_graph(
 ) -> GraphFile:
     """Read a robot's graph in a document of JSON; errors name the path."""
     own = () if room_labels is None else read_room_words(room_labels)
-    if is_dsg(document):
-        _refuse_other_nodes(document["nodes"], path)
-        space = None if labels is None else load_label_space(labels)
-        dsg = parse_dsg(document, path=path)
-        said = {"scene_id": _name_scene(document, path), **describe_hydra(dsg, space, path)}
-        graph = parse_robot_graph(said, path=path, room_labels=own)
-        return GraphFile(path, graph, document, tuple(note_hydra(dsg, space)))
+    if _is_dsg(document):
+        return _parse_hydra(document, path, labels, own)
     if labels is not None:
         raise RecipeError(
             f"labels are for Hydra's graphs, and {path} is not one",
@@ -89,6 +83,28 @@ def parse_graph(
             where=path,
         )
     return GraphFile(path, parse_robot_graph(document, path=path, room_labels=own))
+
+
+def _is_dsg(document: Any) -> bool:
+    """Say whether a JSON document is a Spark-DSG graph, of an old version or a new one."""
+    return isinstance(document, dict) and "nodes" in document and "rooms" not in document
+
+
+def _parse_hydra(
+    document: Any, path: Path, labels: AnyPath | None, room_labels: OwnLabels
+) -> GraphFile:
+    # Imported here: other graphs need no reader of Spark-DSG's.
+    from bsg_data.sources.dsg_file import parse_dsg
+    from bsg_data.sources.label_space import load_label_space
+    from bsg_robot.graph.hydra import describe_hydra, find_document, note_hydra
+
+    _refuse_other_nodes(document["nodes"], path)
+    space = None if labels is None else load_label_space(labels)
+    dsg = parse_dsg(document, path=path)
+    name = _name_scene(find_document(document), path)
+    said = {"scene_id": name, **describe_hydra(dsg, space, path)}
+    graph = parse_robot_graph(said, path=path, room_labels=room_labels)
+    return GraphFile(path, graph, document, tuple(note_hydra(dsg, space)))
 
 
 def _refuse_other_nodes(nodes: Any, path: Path) -> None:
@@ -106,11 +122,13 @@ def _refuse_other_nodes(nodes: Any, path: Path) -> None:
 def _read_document(path: Path, named: Path) -> Any:
     """Return the JSON of a graph; a key may be there twice in Spark-DSG alone, as in its parser."""
     data = _read_standard_input() if path == Path("-") else read_bytes(path, SPARK_DSG)
-    if path.suffix == BINARY:
+    if path.suffix == _BINARY:
+        from bsg_robot.graph.hydra import convert  # as above
+
         data = convert(path)
     if b"nodes" in data.replace(b"\0", b""):  # also in UTF-16
         document = require_json(data, named, once=False, is_bounded=True, error=RobotGraphError)
-        if is_dsg(document):
+        if _is_dsg(document):
             return document
         del document  # one at a time: two of them would take twice the memory
     if len(data) > ROBOT:
@@ -136,9 +154,9 @@ def _read_standard_input() -> bytes:
     return data
 
 
-def _name_scene(document: Any, path: Path) -> str:
-    """Return the building's id from the belief in a document; else the file's name."""
-    name = find_document(document)
+def _name_scene(belief: Any, path: Path) -> str:
+    """Return the building's id from the belief in a document, if any; else the file's name."""
+    name = belief
     for key in ("partial", "scene_id"):
         name = name.get(key) if isinstance(name, dict) else None
     return str(name or path.name.partition(".")[0] or path.name)

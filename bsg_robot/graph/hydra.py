@@ -33,7 +33,6 @@ from bsg_robot.graph.robot_json import (
     RobotGraphError,
 )
 
-BINARY = ".sparkdsg"
 _MEMORY = 4 * 2**30  # bytes, besides Python and spark_dsg; a real graph takes a tenth
 _SECONDS = 120
 _CODE = (

@@ -32,7 +32,7 @@ from bsg_models.belief.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_models.search.knowledge import Task
 from bsg_robot.answers.description import describe_place, describe_things
 from bsg_robot.answers.seen_building import SeenBuilding
-from bsg_robot.answers.ways import SaidCost, SaidLook
+from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.answers.words import find_room
 from bsg_robot.graph.map_forms import drop_empty
 from bsg_robot.graph.robot_json import note_building, note_rooms
@@ -157,9 +157,12 @@ class Where(_Request):
     thing: Annotated[Names, Field(min_length=1)]
     here: Id | None = None  # None: where the robot is
     robots: Annotated[dict[Name, Id], Field(min_length=1, max_length=_MOST_ROBOTS)] | None = None
+    costs: SaidCosts = None
     look: SaidLook = None
     chance: Score = LOOK_CHANCE
     task: Task = "single"
+    budget: SaidCost | None = None
+    speed: SaidSpeed | None = None
 
 
 class NextPlace(_Request):
@@ -168,6 +171,7 @@ class NextPlace(_Request):
     thing: Name
     here: Id | None = None  # None: where the robot is
     at: Id | None = None  # None: the middle of the room
+    costs: SaidCosts = None
     look: SaidCost | None = None
     chance: Score = LOOK_CHANCE
 
@@ -288,13 +292,13 @@ class Robot:
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
         here = said.here or (None if said.robots else self.here)
-        asked = said.model_dump(include={"robots", "look", "chance", "task"})
+        asked = said.model_dump(exclude={"id", "thing", "here"})
         return describe_things(self.seen, said.thing, here=here, **asked)
 
     def next_place(self, said: NextPlace) -> Answer:
         """Answer which piece of furniture to look at next."""
         here = self._require_room(said.here)
-        asked = said.model_dump(include={"at", "look", "chance"})
+        asked = said.model_dump(include={"at", "costs", "look", "chance"})
         return describe_place(self.seen, said.thing, here=here, **asked)
 
     def expected(self, said: Expected) -> Answer:

@@ -134,7 +134,8 @@ async def _explain_question(request: Request, error: Exception) -> JSONResponse:
     fault = next((one for one in faults if one["type"] == "extra_forbidden"), faults[0])
     where = ".".join(str(part)[:SHOWN] for part in fault["loc"][1:]) or "the question"
     is_whole = len(fault["loc"]) == 1
-    said = "expected a JSON object" if is_whole else fault["msg"].removeprefix("Value error, ")
+    said = fault["msg"].removeprefix("Value error, ").removeprefix(f"{where}: ")
+    said = "expected a JSON object" if is_whole else said
     if fault["type"] == "too_long":
         most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
         said = f"expected at most {most}, found {found or 'more'}"

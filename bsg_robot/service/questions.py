@@ -21,7 +21,7 @@ from bsg_models.search.knowledge import Task
 from bsg_robot.answers.description import describe_place, describe_things
 from bsg_robot.answers.place import ExpectedClass, Place, RoomKind, Step
 from bsg_robot.answers.seen_building import SeenBuilding
-from bsg_robot.answers.ways import SaidCost, SaidLook
+from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.graph.graph_file import parse_graph
 from bsg_robot.graph.map_forms import FORM
 from bsg_robot.graph.reports import reclassify
@@ -99,6 +99,15 @@ Robots = Annotated[
     BeforeValidator(lambda said: _read_text(said) or None),
     Field(description="Several robots that search together: name of each -> its room."),
 ]
+WayCosts = Annotated[
+    SaidCosts,
+    BeforeValidator(_read_text),
+    Field(
+        description="Costs of ways that the map does not say, as a list of [room, room, cost], in "
+        'the unit of the ways; "closed" for a closed door, which no way leads through.',
+        examples=[[["hall", "kitchen", 3.5], ["hall", "bath", "closed"]]],
+    ),
+]
 Look = Annotated[
     SaidLook,
     BeforeValidator(_read_text),
@@ -121,6 +130,19 @@ Chance = Annotated[
         description="P(a look finds a thing that is there), of the robot's detector; null: "
         f"{LOOK_CHANCE}."
     ),
+]
+Budget = Annotated[
+    SaidCost | None,
+    BeforeValidator(_read_text),
+    Field(
+        description="What the search may cost, in the unit of the ways, or in seconds with a "
+        "`speed`: the plan is the one that most likely ends within it. Needs `here` or `robots`."
+    ),
+]
+Speed = Annotated[
+    SaidSpeed | None,
+    BeforeValidator(_read_text),
+    Field(description="Of the robot, in metres a second; it makes a plan say `seconds`."),
 ]
 AnyTask = Annotated[
     Task | None,
@@ -149,9 +171,12 @@ class Find(SaidRecord):
     things: Things
     here: Here = None
     robots: Robots = None
+    costs: WayCosts = None
     look: Look = None
     chance: Chance = None
     task: AnyTask = None
+    budget: Budget = None
+    speed: Speed = None
     labels: Labels = None
 
 
@@ -162,6 +187,7 @@ class NextPlace(SaidRecord):
     thing: OneThing
     here: HereSaid
     at: At = None
+    costs: WayCosts = None
     look: LookAt = None
     chance: Chance = None
     labels: Labels = None
@@ -203,7 +229,8 @@ class Thing(Record):
         Field(
             description="Rooms, the likeliest first: `probability` of at least one, `if_there` the "
             "same if the building has one, `unseen` of at least one that was not seen, `expected` "
-            "number of these, `seen` ids, `cost` of the way, null if unknown. `room` is null for "
+            "number of these, `seen` ids, `cost` of the way, null if it is unknown or closed. "
+            "`room` is null for "
             "things that were seen in no room, and `explore` for rooms that are not found yet. "
             "`pieces` has the likeliest pieces of furniture, if some were seen there."
         ),
@@ -218,23 +245,34 @@ class Found(Record):
         str | None,
         Field(
             description="Room to look into first; `explore`: find new rooms; null: none is left, "
-            "or see `robots`."
+            "or none within the `budget`, or see `robots`."
         ),
     ]
     plan: Annotated[
         tuple[Step, ...],
         Field(
             description="The search in its order: `probability` that the room has any of the "
-            "things, cost of the `way` and of the `look`, probability of `found` by then. Empty "
-            "without `here`."
+            "things, cost of the `way` and of the `look`, probability that all (`found`) or any "
+            "(`any_found`) of them are found by then, and `seconds` until then, by the `speed`. A "
+            "room may come twice. Empty without `here`."
         ),
     ]
     robots: Annotated[
         dict[str, str | None] | None,
         Field(description="For each of several robots the room to look into first."),
     ]
+    found_within: Annotated[
+        float | None,
+        Field(
+            description="Probability that the plan finds all within the `budget`; 0 if no room can "
+            "be looked into within it; null without a budget, or of several robots."
+        ),
+    ]
     here: str | None
-    cost_unit: Annotated[str | None, Field(description="Unit of `cost`: m, or rooms.")]
+    cost_unit: Annotated[
+        str | None,
+        Field(description="Unit of `cost`: m, rooms, or given: that of `costs`."),
+    ]
     notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
 
 
@@ -333,9 +371,12 @@ class Service:
             asked.things,
             here=asked.here,
             robots=asked.robots,
+            costs=asked.costs,
             look=asked.look,
             chance=LOOK_CHANCE if asked.chance is None else asked.chance,
             task=asked.task or "single",
+            budget=asked.budget,
+            speed=asked.speed,
         )
         return Found.model_validate({**facts, "notes": seen.notes})
 
@@ -351,6 +392,7 @@ class Service:
             asked.thing,
             here=asked.here,
             at=asked.at,
+            costs=asked.costs,
             look=asked.look,
             chance=LOOK_CHANCE if asked.chance is None else asked.chance,
         )

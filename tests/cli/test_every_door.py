@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 from asked_service import ask_service
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
 from bsg_cli.belief import main as belief
 from bsg_robot import SeenBuilding, open_graph
 from bsg_robot.answers.description import describe_things
+from bsg_robot.answers.ways import read_costs
 from bsg_robot.ros.requests import Robot
 
 Map = dict[str, Any]
@@ -84,6 +85,14 @@ class Question:
     def words(self) -> list[str]:
         return [self.things] if isinstance(self.things, str) else self.things
 
+    @property
+    def arguments(self) -> Map:
+        """The options as Python has them."""
+        costs = {"costs": read_costs(self.options["costs"])} if "costs" in self.options else {}
+        return {**self.options, **costs}
+
+
+CLOSED = [["hall", "kitchen", "closed"], ["Living room", "bathroom", 2.5]]
 
 QUESTIONS = {
     "class": Question(HOME, "microwave", "living"),
@@ -102,6 +111,20 @@ QUESTIONS = {
     "two robots": Question(
         FLAT, ["mug", "scissors"], None, {"robots": {"a": "hall", "b": "bedroom"}, "chance": 0.6}
     ),
+    "a closed door": Question(FLAT, ["mug", "banana"], "hall", {"costs": CLOSED}),
+    "all rooms behind a closed door but one": Question(
+        {**SIMPLE, "more_rooms": 0},
+        "banana",
+        "hall",
+        {"costs": [["hall", "kitchen", "closed"], ["bedroom_2", "kitchen", "closed"]]},
+    ),
+    "within 90 seconds": Question(
+        FLAT, ["mug", "banana"], "hall", {"budget": 90, "speed": 0.5, "costs": CLOSED}
+    ),
+    "too little for any room": Question(FLAT, "banana", "hall", {"budget": 0.5}),
+    "two robots, within 20 metres": Question(
+        FLAT, "banana", None, {"robots": {"a": "hall", "b": "bedroom"}, "budget": 20, "speed": 1}
+    ),
     "kinds that nobody can read": Question(UNREAD, ["milk", "bed"], "R1"),
     "rooms not found yet": Question({**SIMPLE, "more_rooms": True}, "toilet", "kitchen"),
     "nothing left": Question(SEARCHED, "lamp", "b"),
@@ -110,13 +133,13 @@ QUESTIONS = {
 
 
 def plain(facts: Any) -> Any:
-    """Return facts as JSON has them, each number to its last digit."""
-    return json.loads(json.dumps(facts))
+    """Return facts as JSON has them, each number to its last digit, and null for ∞."""
+    return json.loads(json.dumps(facts), parse_constant=lambda _: None)
 
 
 def by_python(seen: SeenBuilding, asked: Question) -> Map:
     """Return the answer by the methods of a building, without the function of the doors."""
-    options = {**asked.options}
+    options = asked.arguments
     robots, here = options.pop("robots", None), asked.here
     words = asked.words
     steps = [] if here is None or robots else seen.explain(words, here=here, **options)
@@ -131,7 +154,7 @@ def by_python(seen: SeenBuilding, asked: Question) -> Map:
             "class": meaning.class_name if by == "class" else None,
             "by": by,
             "how": meaning.how,
-            "places": [*map(asdict, seen.where(word, here=here))],
+            "places": [*map(asdict, seen.where(word, here=here, costs=options.get("costs")))],
         }
 
     return {
@@ -139,18 +162,28 @@ def by_python(seen: SeenBuilding, asked: Question) -> Map:
         "go_first": None if robots else seen.next_room(words, here=here, **options),
         "plan": [*map(asdict, steps)],
         "robots": seen.next_rooms(robots, words, **options) if robots else None,
+        "found_within": (steps[-1].found if steps else 0.0)
+        if "budget" in options and not robots
+        else None,
     }
 
 
-def by_command(asked: Question) -> Map:
+def ask_command(asked: Question) -> Result:
     words = ["-", "--json", *(word for thing in asked.words for word in ("--find", thing))]
     words += ["--from", asked.here] if asked.here else []
     words += ["--labels", asked.labels] if asked.labels else []
     for name, value in asked.options.items():
         one = {"robots": "robot"}.get(name, name)
         each = [f"{key}={of}" for key, of in value.items()] if isinstance(value, dict) else [value]
-        words += [str(word) for said in each for word in (f"--{one}", said)]
-    done = CliRunner().invoke(belief, words, input=json.dumps(asked.said))
+        if name == "costs":
+            one, each = "cost", value
+        for said in each:
+            words += [f"--{one}", *map(str, said if isinstance(said, list) else [said])]
+    return CliRunner().invoke(belief, words, input=json.dumps(asked.said))
+
+
+def by_command(asked: Question) -> Map:
+    done = ask_command(asked)
     assert done.exit_code == 0, done.output
     answer: Map = json.loads(done.stdout)
     return answer
@@ -181,7 +214,7 @@ def by_service(service: Any, asked: Question) -> dict[str, Map]:
 def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
     asked = QUESTIONS[kind]
     seen = open_graph(asked.said, labels=asked.labels)
-    answer = plain(describe_things(seen, asked.words, here=asked.here, **asked.options))
+    answer = plain(describe_things(seen, asked.words, here=asked.here, **asked.arguments))
     python = plain(by_python(seen, asked))
     assert {key: answer[key] for key in python} == python
     doors = {"ROS": by_ros(asked), "command": by_command(asked), **by_service(service, asked)}
@@ -264,6 +297,12 @@ NEXT_PLACES: dict[str, tuple[Map, str, Map, Map]] = {  # map, thing, the rest, w
         {"here": "bedroom"},
         {"room": "bathroom", "piece": None},
     ),
+    "a room behind a closed door": (
+        HOUSE,
+        "toothbrush",
+        {"here": "bedroom", "costs": [["kitchen", "bathroom", "closed"]]},
+        {"room": "bedroom", "piece": "bed"},
+    ),
     "nothing left": (SEARCHED, "lamp", {"here": "b"}, {"room": None, "piece": None}),
 }
 
@@ -272,7 +311,7 @@ NEXT_PLACES: dict[str, tuple[Map, str, Map, Map]] = {  # map, thing, the rest, w
 def test_every_door_names_the_same_piece_of_furniture(kind: str, service: Any) -> None:
     said, thing, rest, expected = NEXT_PLACES[kind]
     seen = open_graph(said)
-    go = seen.next_place(thing, **rest)
+    go = seen.next_place(thing, **{**rest, "costs": read_costs(rest.get("costs"))})
     assert expected == (asdict(go) if go else {"room": None, "piece": None})
     answer = {"thing": thing, **expected}
     ros = Robot(open_graph(said)).answer("next_place", {"thing": thing, **rest})
@@ -281,3 +320,33 @@ def test_every_door_names_the_same_piece_of_furniture(kind: str, service: Any) -
     doors = ask_service(service, question, path="/next_place", tool="next_place")
     for door, told in doors.items():
         assert told == {**answer, "notes": [*seen.notes]}, door
+
+
+FAULTS: dict[str, Any] = {  # what is wrong → the sentence that names it, by every door
+    '{"budget": -1}': "budget: ",
+    '{"speed": 0}': "speed: ",
+    '{"speed": -0.5}': "speed: ",
+    '{"here": null, "budget": 5}': "budget",
+    '{"costs": [["hall", "attic", 1]]}': "home: no room 'attic'",
+    '{"costs": [["hall", "living", -1]]}': "costs: 'hall' to 'living': expected 0 to 1e+09, or",
+    '{"costs": [["hall", "living", "shut"]]}': "costs: 'hall' to 'living': expected 0 to 1e+09, or",
+    '{"costs": [["hall", "living", 1], ["living", "hall", 2]]}': "costs: 'living' to 'hall': two",
+}
+
+
+@pytest.mark.parametrize("wrong", FAULTS)
+def test_every_door_says_what_is_wrong_with_a_budget_a_speed_or_a_cost(
+    wrong: str, service: Any
+) -> None:
+    options = {"here": "hall", **json.loads(wrong)}
+    here = options.pop("here")
+    asked = Question(HOME, "banana", here, options)
+    question = {"map": HOME, "things": "banana", "here": here, **options}
+    said = {
+        "ROS": by_ros(asked)["error"],
+        "command": ask_command(asked).stderr.split("Error: ")[1],
+        **{door: told["error"] for door, told in ask_service(service, question).items()},
+    }
+    for door, fault in said.items():
+        assert FAULTS[wrong] in fault, (door, fault)
+        assert "costs: costs: " not in fault, door

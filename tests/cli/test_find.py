@@ -59,6 +59,12 @@ def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
         (("--find", "bed", "--look", "5", "--look", "kitchen=2"), "leave one out"),
         (("--find", "bed", "--look", "inf"), "look: expected 0 to"),
         (("--find", "bed", "--chance", "1.5"), "1.5"),
+        (("--find", "bed", "--from", "kitchen", "--budget", "nan"), "budget: expected 0 to"),
+        (("--find", "bed", "--from", "kitchen", "--speed", "nan"), "speed: expected 0 to"),
+        (("--find", "bed", "--budget", "5"), "without --from or --robot does not use --budget"),
+        (("--find", "bed", "--cost", "kitchen", "attic", "1"), "no room 'attic'"),
+        (("--find", "bed", "--cost", "kitchen", "kitchen", "inf"), "or 'closed', found inf"),
+        (("--find", "bed", "--cost", "kitchen", "1"), "--cost"),
         (("--find", "qqqxz"), "qqqxz"),
         ((str(OFFICE), "--find", "bed"), "--find: expected one GRAPH"),
         (("--find", "sink", "--top", "9"), "--top"),
@@ -109,6 +115,29 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
     assert [one["class"] for one in answer["things"]] == ["microwave", "couch"]
     one = json.loads(call(*words[:-2], "--from", "waiting-room", "--json").stdout)
     assert one.keys() == answer.keys(), "one shape for one and several"
+
+
+def test_a_plan_of_several_things_says_when_any_and_all_are_found_and_after_how_long() -> None:
+    words = (OFFICE, "--quiet", "--find", "microwave", "--find", "sofa", "--from", "waiting-room")
+    said = call(*words, "--budget", "500", "--speed", "0.5").stdout
+    (line,) = re.findall(r"^all found within 500 s: (.*)$", said, re.MULTILINE)
+    head, *rows = (re.split(r"\s{2,}", row.strip()) for row in said.split("\n\n")[-1].splitlines())
+    times = ["time", "all found by then", "any found by then"]
+    assert head == ["look into", "P(any)", "way", "look", *times]
+    seconds = [int(row[4].removesuffix(" s")) for row in rows]
+    assert seconds == sorted(seconds)
+    assert seconds[-1] <= 500
+    assert rows[-1][5] == line
+
+
+def test_a_budget_for_no_room_says_so_and_a_closed_door_is_shown() -> None:
+    words = ("--find", "microwave", "--from", "waiting-room")
+    said = call(OFFICE, "--quiet", *words, "--budget", "0.5").stdout.splitlines()
+    assert said[-1] == "no room is left to search within 0.5 rooms"
+    flat = json.dumps({"kitchen": ["sink"], "hall": [], "more_rooms": 0})
+    closed = ("--find", "mug", "--from", "hall", "--cost", "hall", "kitchen", "closed")
+    (kitchen,) = re.findall("^kitchen .*", call("-", *closed, stdin=flat).stdout, re.MULTILINE)
+    assert kitchen.endswith("closed")
 
 
 def test_an_everyday_thing_says_that_the_table_answers() -> None:

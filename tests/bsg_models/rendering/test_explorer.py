@@ -215,9 +215,9 @@ def make_answer() -> dict[str, Any]:
         said = {"room": room, "label": None, "probability": chance, "if_there": chance / 0.7}
         return {**said, "unseen": chance, "expected": chance, "seen": list(seen), "cost": cost}
 
-    def stop(room: str, chance: float, found: float) -> dict[str, Any]:
-        said = {"room": room, "label": None, "probability": chance}
-        return {**said, "way": 9.0, "look": 4.25, "found": found}
+    def stop(room: str, chance: float, found: float, seconds: float) -> dict[str, Any]:
+        said = {"room": room, "label": None, "probability": chance, "way": 9.0, "look": 4.25}
+        return {**said, "found": found, "any_found": 0.9, "seconds": seconds}
 
     mug = {
         "thing": "mug",
@@ -242,13 +242,18 @@ def make_answer() -> dict[str, Any]:
         place("living", 0.002, cost=0.0),
     ]
     seen = [place("living", 1.0, "7"), place(None, 1.0, "8"), *places[:4]]
-    plan = [stop("kitchen", 0.64, 0.64), stop("explore", 0.1, 0.67), stop("upstairs", 0.004, 0.7)]
+    plan = [
+        stop("kitchen", 0.64, 0.64, 26.5),
+        stop("explore", 0.1, 0.67, 53.0),
+        stop("upstairs", 0.004, 0.7, 79.5),
+    ]
     return {
         "here": "living",
         "go_first": "kitchen",
         "cost_unit": "m",
         "things": [{**mug, "anywhere": 0.7, "places": places}, {**sink, "places": seen}],
         "plan": plan,
+        "found_within": 0.7,
     }
 
 
@@ -270,6 +275,7 @@ def test_a_page_opens_with_its_answer(browser: Any, home: Path) -> None:
             "Go first to kitchen",
             "70 % of such buildings, by the model nouns",
             "nearest words",
+            "All found within the budget: 70 %",
         ):
             assert said in panel
         rows = [text.split("\n") for text in page.locator(".rooms li").all_inner_texts()]
@@ -282,9 +288,9 @@ def test_a_page_opens_with_its_answer(browser: Any, home: Path) -> None:
         ]
         steps = page.locator("table.way tbody tr").all_inner_texts()
         assert [" ".join(step.split()) for step in steps] == [
-            "1 kitchen 64 % 9.0 m 4.3 m 64 %",
-            "2 rooms not found yet 10 % 9.0 m 4.3 m 67 %",
-            "3 upstairs < 1 % 9.0 m 4.3 m 70 %",
+            "1 kitchen 64 % 27 s 64 % 90 %",
+            "2 rooms not found yet 10 % 53 s 67 % 90 %",
+            "3 upstairs < 1 % 80 s 70 % 90 %",
         ]
 
 

@@ -1,13 +1,18 @@
-"""What a look costs, and which rooms come before another look."""
+"""What a look costs, and what looks that are repeated miss."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import gamma
 
-from bsg_models.search.looks import leave_out, metres_of_look
+from bsg_models.search.looks import PIECE, ROOM, look_again, metres_of_look, miss_all
+
+CHANCES = st.lists(st.floats(0, 0.99), max_size=5)
 
 
 def test_a_look_costs_more_in_a_larger_room_of_which_more_is_left() -> None:
@@ -18,37 +23,32 @@ def test_a_look_costs_more_in_a_larger_room_of_which_more_is_left() -> None:
     assert metres_of_look(12.0, share=0.0) == 1.0
 
 
-def named(
-    likely: list[float], missed: list[float], *, here: int | None, left: list[int] | None = None
-) -> list[int]:
-    rooms = np.isin(np.arange(len(likely)), range(len(likely)) if left is None else left)
-    again = np.arange(len(likely)) == (-1 if here is None else here)
-    return np.flatnonzero(
-        leave_out(rooms, np.array(missed), np.array(likely), again=again)
-    ).tolist()
+@given(CHANCES, st.sampled_from([ROOM, PIECE]))
+def test_places_are_seen_at_rates_that_are_spread_by_a_gamma(
+    chances: list[float], shape: float
+) -> None:
+    """A look misses a place of rate λ with e^(−λ a), where a single one misses 1 − c."""
+    efforts = [(1 - c) ** (-1 / shape) - 1 for c in chances]
+    rates = gamma(shape)
+    alone = [rates.expect(lambda rate, a=a: np.exp(-rate * a), ub=60) for a in efforts]
+    assert alone == pytest.approx([1 - c for c in chances], abs=1e-3)
+    total = rates.expect(lambda rate: np.exp(-rate * sum(efforts)), ub=60)
+    assert miss_all(chances, shape=shape) == pytest.approx(total, abs=1e-3)
 
 
-def test_a_room_in_which_a_look_missed_waits_for_others_that_are_half_as_likely() -> None:
-    assert named([0.3, 0.1, 0.1], [0.2, 1, 1], here=0) == [1, 2]
-    assert named([0.19, 0.02, 0.1], [0.2, 0.2, 1], here=1) == [2]
-    assert named([0.21, 0.02, 0.1], [0.2, 0.2, 1], here=1) == [0, 2]
-    assert named([0.3, 0.02, 0.02], [0.2, 0.2, 0.2], here=2) == [0, 1]
-    assert named([0.3, 0.2, 0.01], [0.2, 1, 1], here=None) == [1, 2]
+@given(CHANCES, st.floats(0.01, 0.99))
+def test_a_further_look_finds_less_than_the_one_before_and_looks_follow_each_other(
+    before: list[float], chance: float
+) -> None:
+    found = look_again(tuple(before), chance, looks=4)
+    first = [found[0], *(b - a for a, b in pairwise(found))]
+    assert first == sorted(first, reverse=True)
+    then = look_again((*before, chance), chance, looks=3)
+    assert found[3] == pytest.approx(1 - (1 - found[0]) * (1 - then[2]))
+    assert miss_all(before) * (1 - found[0]) == pytest.approx(miss_all([*before, chance]))
 
 
-def test_the_room_of_the_last_look_comes_again_only_if_it_is_the_only_one() -> None:
-    assert named([0.3, 0.0001], [0.2, 1], here=0) == [1]
-    assert named([0.3, 0.1], [0.2, 1], here=0, left=[0]) == [0]
-
-
-def test_a_glance_is_no_look() -> None:
-    """With a chance of .3, a room may be looked into again if it is ten times likelier."""
-    assert named([0.6, 0.02], [0.7, 1], here=0) == [0, 1]
-    assert named([0.6, 0.2], [0.7, 1], here=0) == [1]
-
-
-@given(st.lists(st.tuples(st.floats(0, 1), st.floats(0.001, 1)), min_size=1, max_size=6))
-def test_some_room_is_left_as_long_as_one_is(rooms: list[tuple[float, float]]) -> None:
-    likely, missed = (list(part) for part in zip(*rooms, strict=True))
-    for here in range(len(rooms)):
-        assert named(likely, missed, here=here)
+def test_a_look_that_misses_nothing_leaves_nothing() -> None:
+    assert miss_all([1.0]) == miss_all([0.3, 1.0]) == 0.0
+    assert look_again((1.0,), 0.8, looks=2) == (0.0, 0.0)
+    assert look_again((), 1.0, looks=1) == (1.0,)

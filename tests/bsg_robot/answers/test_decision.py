@@ -1,33 +1,25 @@
-"""Decisions against all orders, by a reference that shares no code with them."""
+"""Decisions against all policies, by a reference that shares no code with them."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import combinations, pairwise, permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from refusals import refuses
+from scipy.optimize import brentq
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.partial_graph import SeenObject
 from bsg_models.search.knowledge import Task, find_costs
-from bsg_robot.answers.decision import (
-    Decision,
-    Looked,
-    choose_room,
-    choose_rooms,
-    order_rooms,
-    weigh,
-)
+from bsg_robot.answers.decision import Decision, choose_room, plan_looks, weigh
 from bsg_robot.answers.thing_belief import ThingBelief
-from bsg_robot.answers.ways import Ways
 
 Room = int
 
@@ -36,57 +28,54 @@ Room = int
 class Case:
     """A building of R rooms, and what is believed of A things in it; room 0 is the building."""
 
-    ways: Ways
+    costs: Floats  # [1 + R, 1 + R]
     look: Floats  # [1 + R]
     rates: Floats  # [1 + R, A] expected number of hidden ones
     scores: Sequence[Sequence[Sequence[float]]]  # [1 + R][A] scores of those that were seen
+    missed: Sequence[Sequence[int]]  # [A][1 + R] number of looks so far
+    surer: float  # by which the building has a thing rather than its rooms
     chance: float
     task: Task
     here: tuple[Room, ...]
 
-    @property
-    def beliefs(self) -> list[ThingBelief]:
-        rooms, things = self.rates.shape
-        objects = [
+    def belief(self, thing: int) -> ThingBelief:
+        seen = tuple(
             tuple(
-                tuple(
-                    SeenObject(f"{room} {thing} {k}", room, "mug", "mug", None, score=score)
-                    for k, score in enumerate(self.scores[room][thing])
-                )
-                for room in range(rooms)
+                SeenObject(f"{room} {thing} {k}", room, "mug", "mug", None, score=score)
+                for k, score in enumerate(scores[thing])
             )
-            for thing in range(things)
-        ]
-        return [
-            ThingBelief(
-                seen=objects[thing],
-                hidden=poisson(self.rates[:, [thing]]),
-                none=float(np.exp(-self.rates[1:, thing].sum())),
-                searched=np.arange(rooms) == 0,
-            )
-            for thing in range(things)
-        ]
+            for room, scores in enumerate(self.scores)
+        )
+        none = float(np.exp(-self.rates[1:, thing].sum()))
+        some = min(self.surer * (1 - none), -np.expm1(-self.rates[1:, thing]).sum(), 1 - 1e-9)
+        hidden = poisson(self.rates[:, [thing]])
+        return ThingBelief(seen, hidden, 1 - float(some), np.arange(len(self.rates)) == 0)
 
     @property
     def decision(self) -> Decision:
-        nodes, things = self.rates.shape
-        no_look = Looked(np.ones(nodes), np.zeros(nodes, dtype=bool))
         return weigh(
-            self.beliefs,
-            [no_look] * things,
+            [self.belief(thing) for thing in range(self.rates.shape[1])],
+            [
+                {room: {None: (self.chance,) * n} for room, n in enumerate(looks) if n}
+                for looks in self.missed
+            ],
             here=self.here,
-            open_=np.isfinite(self.ways.costs[list(self.here)]).any(axis=0),
+            open_=np.isfinite(self.costs[list(self.here)]).any(axis=0),
             chance=self.chance,
             task=self.task,
         )
 
+    def firsts(self) -> list[Room | None]:
+        _, place, plans = plan_looks(self.decision, self.costs, self.look, here=self.here)
+        return [int(place[plan[0]]) if plan else None for plan in plans]
 
-def sample(seed: int, *, rooms: int | None = None, robots: int = 1) -> Case:
+
+def sample(seed: int, *, rooms: int | None = None, robots: int = 1, again: bool = True) -> Case:
     """Return a random building: ways over other rooms, looks, chances, seen things, both tasks."""
     rng = np.random.default_rng(seed)
-    rooms = rooms or int(rng.integers(1, 8))
+    rooms = rooms or int(rng.integers(1, 5))
     nodes, things = 1 + rooms, int(rng.integers(1, 4))
-    places = rng.uniform(0, 15, (nodes, 2))
+    places = rng.uniform(0, rng.choice([15, 60, 400]), (nodes, 2))
     edges = np.linalg.norm(places[:, None] - places, axis=2)
     edges[rng.random(edges.shape) < 0.4] = np.inf  # one-way streets, too
     edges[np.arange(1, nodes - 1), np.arange(2, nodes)] = 3.0
@@ -99,210 +88,237 @@ def sample(seed: int, *, rooms: int | None = None, robots: int = 1) -> Case:
     for _ in range(int(rng.integers(0, 4))):
         room, thing = int(rng.integers(1, nodes)), int(rng.integers(0, things))
         scores[room][thing].append(float(rng.choice([1.0, 0.9, rng.random()])))
+    chance = float(rng.choice([1.0, 0.8, rng.uniform(0.2, 1.0)]) if again else 1.0)
+    missed = [[0, *rng.integers(0, 3, rooms)] for _ in range(things)]
     return Case(
-        ways=Ways(edges, find_costs(edges), "m", 3.0, 1.0),
-        look=np.where(rng.random(nodes) < 0.2, 0.0, rng.uniform(0, 8, nodes)),
+        costs=find_costs(edges),
+        look=np.where(rng.random(nodes) < 0.1, 0.5, rng.uniform(1, 8, nodes)),
         rates=rates,
         scores=scores,
-        chance=float(rng.choice([1.0, 0.8, rng.uniform(0.2, 1.0)])),
+        missed=missed if chance < 1 else [[0] * nodes] * things,
+        surer=float(rng.choice([1.0, rng.uniform(0.7, 1.5)])),
+        chance=chance,
         task="single" if rng.random() < 0.6 else "all",
         here=tuple(int(room) for room in rng.integers(1, nodes, robots)),
     )
 
 
-def miss(case: Case) -> Floats:
-    """Return P(a look finds none), `[1 + R, A]` of the things that are still to be found."""
-    columns = []
-    for thing in range(case.rates.shape[1]):
-        scores = [case.scores[room][thing] for room in range(len(case.rates))]
-        if case.task == "single" and any(1.0 in some for some in scores):
-            continue  # it is found
-        counted = [[s for s in some if case.task == "single" or s < 1] for some in scores]
-        seen = [math.prod(1 - case.chance * s for s in some) for some in counted]
-        columns.append(np.exp(-case.rates[:, thing] * case.chance) * seen)
-    return np.array(columns).T
+@dataclass(frozen=True)
+class Law:
+    """P(looks into rooms find none of a thing), rooms independent but for the tilt of all."""
 
+    none: Sequence[Sequence[float]]  # [R][n] by none, one, two … looks into a room
+    tilt: float
 
-def expect(case: Case, missed: Floats, orders: np.ndarray) -> Floats:
-    """Return the expected costs of orders `[P, n]`: legs, each as likely as it is walked."""
-    q = np.maximum(np.minimum(missed, 1 - 1e-6), 0.0)
-    total = np.zeros(len(orders))
-    every = np.prod(q[orders[0]], axis=0)
-    done = np.ones((len(orders), q.shape[1]))
-    left = np.tile(every, (len(orders), 1)) if q.all() else None
-    place = np.full(len(orders), case.here[0])
-    for step in range(orders.shape[1]):
-        room = orders[:, step]
-        if case.task == "single":
-            goes_on = 1 - np.prod(1 - (done - every) / (1 - every), axis=1)
-        else:
-            rest = left if left is not None else np.prod(q[orders[:, step:]], axis=1)
-            goes_on = 1 - np.prod(rest, axis=1)
-        total += goes_on * (case.ways.costs[place, room] + case.look[room])
-        done = done * q[room]
-        left = None if left is None else left / q[room]
-        place = room
-    return total
-
-
-def test_the_first_room_is_that_of_the_best_order_of_all() -> None:
-    """Expected cost at most 1 % above the best in every building, and equal in 99 %."""
-    above = []
-    for seed in range(600):
-        case = sample(seed)
-        missed = miss(case)
-        rooms = [r for r in range(1, len(missed)) if missed.size and (missed[r] < 1).any()]
-        decision = case.decision
-        chosen = order_rooms(decision, case.ways, case.look, here=case.here[0])
-        first = choose_room(
-            decision, case.ways, case.look, here=case.here[0], planner="expected-cost"
+    def miss(self, looks: Sequence[int]) -> float:
+        """Return P(so many looks into each room find none), were rooms independent."""
+        return math.prod(
+            1 - self.tilt * (1 - none[n]) for none, n in zip(self.none, looks, strict=True)
         )
-        if not missed.size:  # all are found: it goes where they are
-            assert first is None or any(1.0 in s for s in case.scores[first])
-            continue
-        if not rooms:
-            assert (first, chosen) == (None, [])
-            continue
-        assert first == chosen[0]
-        orders = np.array([*itertools.permutations(rooms)])
-        costs = expect(case, missed, orders)
-        of_first = costs[orders[:, 0] == first].min()
-        above.append(of_first / max(costs.min(), 1e-12) - 1 if costs.min() > 1e-9 else 0.0)
-    assert len(above) > 350
-    assert max(above) <= 0.01
-    assert np.mean(np.array(above) < 1e-6) >= 0.99
 
 
-def best_times(case: Case, missed: Floats) -> dict[tuple[Room | None, ...], float]:
+def law_of(case: Case, thing: int, most: int) -> Law:
+    """Return the law of a thing: looks overlook alike, as their odds add; rooms share a tilt."""
+    none, there = [], []
+    for room in range(1, len(case.rates)):
+        rate, so_far = float(case.rates[room, thing]), case.missed[thing][room]
+        scores = [s for s in case.scores[room][thing] if case.task == "single" or s < 1]
+        here = []
+        for n in range(most + 1):
+            finds = float(n > 0)
+            if case.chance < 1:
+                odds = case.chance / (1 - case.chance)
+                finds = 1 - (1 + so_far * odds) / (1 + (so_far + n) * odds)
+            here.append(math.exp(-rate * finds) * math.prod(1 - finds * s for s in scores))
+        none.append(here)
+        every = math.prod(1 - s for s in case.scores[room][thing])
+        there.append(1 - math.exp(-rate) * every)
+    whole = min(max(case.belief(thing).probability[0], *there, 0.0), sum(there))
+
+    def gap(z: float) -> float:
+        return (1 - math.prod(1 - z * p for p in there)) / z - whole
+
+    least, top = 1e-3, (1 - 1e-12) / max(1e-12, *there)
+    if sum(p > 1e-6 for p in there) < 2:
+        tilt = 1.0
+    elif gap(least) <= 0:
+        tilt = least  # rooms exclude each other
+    else:
+        tilt = top if gap(top) >= 0 else brentq(gap, least, top)
+    return Law(none, tilt)
+
+
+def cost_policies(case: Case, laws: Sequence[Law], most: int) -> dict[Room, float]:
+    """Return the rooms to begin with → the least expected cost of policies that do so."""
+    rooms, full = len(case.rates) - 1, (most,) * (len(case.rates) - 1)
+    last = [law.miss(full) for law in laws]
+
+    def left(thing: int, looks: tuple[int, ...]) -> float:
+        """Return P(it is not found by then), given that looks everywhere find it."""
+        some = 1 - last[thing]
+        return (laws[thing].miss(looks) - last[thing]) / some if some > 1e-15 else 0.0
+
+    def something_left(looks: tuple[int, ...]) -> float:
+        """Return P(the looks that are left find something): each finds what others left."""
+        nothing = 1.0
+        for law in laws:
+            rest = math.prod(
+                1 - law.tilt * (none[n] - none[most])
+                for none, n in zip(law.none, looks, strict=True)
+            )
+            nothing *= 1 - (1 - rest) / law.tilt
+        return 1 - nothing
+
+    @cache
+    def go_on(looks: tuple[int, ...], at: Room, goal: frozenset[int]) -> float:
+        choices = [r for r in range(rooms) if looks[r] < most]
+        return min((go_to(r, looks, at, goal) for r in choices), default=0.0) if goal else 0.0
+
+    def go_to(room: int, looks: tuple[int, ...], at: Room, goal: frozenset[int]) -> float:
+        then = (*looks[:room], looks[room] + 1, *looks[room + 1 :])
+        leg = float(case.costs[at, room + 1] + case.look[room + 1])
+        if case.task == "all":
+            return leg * something_left(looks) + go_on(then, room + 1, goal)
+        now = {one: left(one, looks) for one in goal}
+        goal = frozenset(one for one in goal if now[one] > 1e-300)
+        if not goal:
+            return 0.0
+        stays = {one: min(left(one, then) / now[one], 1.0) for one in goal}
+        cost = leg
+        for size in range(1, len(goal) + 1):
+            for some in map(frozenset, combinations(sorted(goal), size)):
+                likely = math.prod(stays[g] if g in some else 1 - stays[g] for g in goal)
+                cost += likely * go_on(then, room + 1, some) if likely else 0.0
+        return cost
+
+    nothing, every = (0,) * rooms, frozenset(range(len(laws)))
+    return {room + 1: go_to(room, nothing, case.here[0], every) for room in range(rooms)}
+
+
+def above_best(case: Case, *, most: int) -> float | None:
+    """Return how much more the policy costs that begins as chosen; None where nothing is left."""
+    decision = case.decision
+    first = case.firsts()[0]
+    if decision.is_known:
+        assert first is None or any(1.0 in some for some in case.scores[first])
+        return None
+    most = most if case.task == "single" else 1  # who looks for all looks everywhere once
+    laws = [law_of(case, thing, most) for thing in decision.things]
+    if first is None:
+        assert all(law.miss((most,) * (len(case.rates) - 1)) > 1 - 1e-9 for law in laws)
+        return None
+    costs = cost_policies(case, laws, most)
+    finite = {room: cost for room, cost in costs.items() if math.isfinite(cost)}
+    least = min(finite.values())
+    return finite[first] / least - 1 if least > 1e-9 else 0.0
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_the_first_room_is_that_of_the_best_policy_of_all(again: bool) -> None:
+    """Expected cost at most 1 % above the best in every building, and equal in 99 %."""
+    found = (above_best(sample(seed, again=again), most=3 if again else 1) for seed in range(300))
+    above = np.array([one for one in found if one is not None])
+    assert len(above) > 180
+    assert above.max() <= 0.01
+    assert np.mean(above < 1e-6) >= 0.99
+
+
+def best_times(case: Case) -> dict[tuple[Room | None, ...], float]:
     """Return the rooms that robots may begin with → the least expected time of such plans."""
-    rooms, robots = range(1, len(missed)), len(case.here)
-    q = np.minimum(missed, 1 - 1e-6)
-    every = np.prod(q[1:], axis=0)
+    rooms, robots = range(1, len(case.rates)), len(case.here)
+    laws = [law_of(case, thing, 1) for thing in range(case.rates.shape[1])]
+
+    def goes_on(looks: Sequence[Room]) -> float:
+        done = [1 if room in looks else 0 for room in rooms]
+        last = [law.miss([1] * len(rooms)) for law in laws]
+        found = ((1 - law.miss(done)) / (1 - end) for law, end in zip(laws, last, strict=True))
+        return 1 - math.prod(found)
+
     best: dict[tuple[Room | None, ...], float] = {}
-    for order in itertools.permutations(rooms):
-        for cuts in itertools.combinations_with_replacement(range(len(order) + 1), robots - 1):
-            ends, looks = [0, *cuts, len(order)], []
-            parts = [order[a:b] for a, b in itertools.pairwise(ends)]
-            for here, part in zip(case.here, parts, strict=True):
+    for order in permutations(rooms):
+        for cuts in combinations(range(len(order) + robots - 1), robots - 1):
+            bounds = [-1, *cuts, len(order) + robots - 1]
+            sizes = [b - a - 1 for a, b in pairwise(bounds)]
+            rest, looks, first = list(order), [], []
+            for here, size in zip(case.here, sizes, strict=True):
+                part, rest = rest[:size], rest[size:]
                 clock, place = 0.0, here
                 for room in part:
-                    clock += case.ways.costs[place, room] + case.look[room]
+                    clock += case.costs[place, room] + case.look[room]
                     looks.append((clock, room))
                     place = room
-            before, time, done = 0.0, 0.0, np.ones(q.shape[1])
-            for clock, room in sorted(looks):
-                time += (clock - before) * np.mean((done - every) / (1 - every))
-                before, done = clock, done * q[room]
-            first = tuple(part[0] if part else None for part in parts)
-            best[first] = min(best.get(first, math.inf), time)
+                first.append(part[0] if part else None)
+            looks.sort()
+            before, time = 0.0, 0.0
+            for number, (clock, _) in enumerate(looks):
+                time += (clock - before) * goes_on([room for _, room in looks[:number]])
+                before = clock
+            best[tuple(first)] = min(best.get(tuple(first), math.inf), time)
     return best
 
 
-@pytest.mark.parametrize(("robots", "rooms"), [(2, 5), (3, 4)])
+@pytest.mark.parametrize(("robots", "rooms"), [(2, 4), (3, 3)])
 def test_robots_that_search_together_do_as_well_as_the_best_of_all_plans(
     robots: int, rooms: int
 ) -> None:
+    """Several things count for a team as for one robot."""
     above = []
-    for seed in range(12):
+    for seed in range(25):
         case = sample(seed, rooms=rooms, robots=robots)
         nothing = [[[] for _ in things] for things in case.scores]
         case = replace(case, task="single", rates=case.rates + 0.05, scores=nothing)
-        first = choose_rooms(case.decision, case.ways, case.look, here=case.here)
-        best = best_times(case, miss(case))
-        above.append(best[tuple(first)] / min(best.values()) - 1)
+        best = best_times(case)
+        above.append(best[tuple(case.firsts())] / min(best.values()) - 1)
     assert max(above) < 1e-6
 
 
-def test_one_robot_of_a_team_does_what_one_robot_does() -> None:
-    for seed in range(20):
-        case = sample(seed)
-        alone = order_rooms(case.decision, case.ways, case.look, here=case.here[0])
-        team = choose_rooms(case.decision, case.ways, case.look, here=case.here)
-        assert team == [alone[0] if alone else None]
-
-
-def test_a_robot_that_is_locked_in_does_not_stop_the_others() -> None:
-    case = sample(3, rooms=3, robots=2)
-    edges = np.where(np.eye(4, dtype=bool), 0.0, 1.0)
-    edges[3, :3] = edges[:3, 3] = np.inf
-    rates, nothing = np.array([[0.0], [0.5], [0.9], [0.0]]), [[[]]] * 4
-    ways = Ways(edges, edges, "given", 1.0, 1.0)
-    case = replace(case, ways=ways, rates=rates, scores=nothing, here=(1, 3), task="single")
-    assert choose_rooms(case.decision, ways, case.look, here=(1, 3))[1] is None
-    assert choose_rooms(case.decision, ways, case.look, here=(1, 3))[0] in (1, 2)
+def test_a_robot_that_is_locked_in_changes_nobody_s_room() -> None:
+    for seed in range(60):
+        case = sample(seed, rooms=4, again=False)
+        costs = np.full((6, 6), np.inf)
+        costs[:5, :5], costs[5, 5] = case.costs, 0.0
+        alone = replace(
+            case,
+            costs=costs,
+            look=np.append(case.look, 1.0),
+            rates=np.vstack([case.rates, 0 * case.rates[:1]]),
+            scores=[*case.scores, [[] for _ in range(case.rates.shape[1])]],
+            missed=[[*looks, 0] for looks in case.missed],
+        )
+        assert replace(alone, here=(*case.here, 5)).firsts() == [*alone.firsts(), None]
 
 
 def test_rooms_that_no_way_leads_to_are_an_error() -> None:
-    case = sample(3, rooms=3)
-    edges = np.where(np.eye(4, dtype=bool), 0.0, np.inf)
+    case = sample(3, rooms=3, again=False)
     rates = np.zeros((4, 1))
     rates[2] = 1.0
-    nothing = [[[]]] * 4
-    lost = replace(
-        case, ways=Ways(edges, edges, "given", 1.0, 1.0), rates=rates, scores=nothing, here=(1,)
-    )
+    edges = np.where(np.eye(4, dtype=bool), 0.0, np.inf)
+    lost = replace(case, costs=edges, rates=rates, scores=[[[]]] * 4, missed=[[0] * 4], here=(1,))
     with refuses(RecipeError, "rooms-unreachable"):
         lost.decision  # noqa: B018 - it raises
 
 
 def test_behind_a_closed_door_nothing_is_sought_as_long_as_something_else_is_left() -> None:
-    case = sample(3, rooms=2)
-    edges = np.array([[0, np.inf, np.inf], [np.inf, 0, np.inf], [np.inf, np.inf, 0]])
-    ways = Ways(edges, edges, "given", 1.0, 1.0)
+    case = sample(3, rooms=2, again=False)
     known = replace(
         case,
-        ways=ways,
+        costs=np.where(np.eye(3, dtype=bool), 0.0, np.inf),
         rates=np.array([[0.0], [0.1], [0.1]]),
         scores=[[[]], [[]], [[1.0]]],  # it was seen in room 2
+        missed=[[0] * 3],
         here=(1,),
         look=np.ones(3),
         task="single",
     )
-    assert choose_room(known.decision, ways, known.look, here=1, planner="expected-cost") == 1
+    assert known.firsts() == [1]
 
 
-def decide(finds: list[float], looks: list[int], *, last: int | None = None) -> Decision:
-    """Return a decision about one thing in rooms 1..R, in which so many looks have missed."""
-    nodes = len(finds) + 1
-    missed, again = np.ones((nodes, 1)), np.zeros((nodes, 1), dtype=bool)
-    missed[1:, 0] = 0.2 ** np.array(looks)
-    again[last or 0] = last is not None
-    found = np.array([0.0, *finds])[:, None]
-    return Decision(found, missed, again, "single", (0,))
-
-
-@given(
-    st.lists(st.tuples(st.floats(0.001, 0.6), st.integers(0, 2)), min_size=1, max_size=6),
-    st.integers(0, 5),
-)
-def test_every_room_of_a_plan_is_one_that_may_be_named_then(
-    rooms: list[tuple[float, int]], last: int
-) -> None:
-    finds, looks = (list(part) for part in zip(*rooms, strict=True))
-    here = 1 + last % len(rooms)
-    decision = decide(finds, looks, last=here)
-    edges = np.abs(np.subtract.outer(np.arange(len(rooms) + 1.0), np.arange(len(rooms) + 1.0)))
-    order = order_rooms(decision, Ways(edges, edges, "m", 1.0, 1.0), np.ones(len(edges)), here=here)
-    assert sorted(order) == list(range(1, len(rooms) + 1))
-    left, at = decision.rooms, (here,)
-    for node in order:
-        assert decision.candidates(*at, among=left)[node]
-        left[node], at = False, ()
-
-
-@pytest.mark.parametrize("robots", [(1, 3), (3, 1)])
-def test_the_last_room_is_for_who_can_reach_it_even_if_it_just_looked_there(
-    robots: tuple[int, int],
-) -> None:
-    edges = np.where(np.eye(4, dtype=bool), 0.0, np.inf)
-    ways, decision = Ways(edges, edges, "m", 1.0, 1.0), decide([0.5, 0.0, 0.0], [1, 0, 0], last=1)
-    chosen = choose_rooms(decision, ways, np.ones(4), here=robots)
-    assert dict(zip(robots, chosen, strict=True)) == {1: 1, 3: None}
-
-
-def test_another_robot_comes_before_a_second_look_of_the_first() -> None:
-    edges = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
-    decision = decide([0.5, 0.1, 0.1], [1, 0, 0], last=1)
-    chosen = choose_rooms(decision, Ways(edges, edges, "m", 1.0, 1.0), np.ones(4), here=(1, 2))
-    assert chosen[0] != 1
-    assert chosen[1] == 1
+def test_a_planner_without_a_belief_looks_everywhere_once_before_it_looks_again() -> None:
+    looked = [{1: {None: (0.8,)}, 2: {None: (0.8,)}}]
+    rates = np.full((4, 1), 0.3)
+    case = replace(sample(3, rooms=3), rates=rates, scores=[[[]]] * 4, surer=1.0)
+    decision = weigh(
+        [case.belief(0)], looked, here=[1], open_=np.ones(4, bool), chance=0.8, task="single"
+    )
+    costs = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
+    assert choose_room(decision, costs, np.ones(4), here=1, planner="nearest") == 3

@@ -13,9 +13,9 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_models.belief.partial_graph import KnownRoom, Look, SeenObject
 from bsg_robot.answers import missed_looks
-from bsg_robot.answers.decision import choose_room
+from bsg_robot.answers.decision import plan_looks
 from bsg_robot.answers.destinations import list_spots
-from bsg_robot.answers.missed_looks import MissedLook, MissedPieces, doubt_objects
+from bsg_robot.answers.missed_looks import MissedLook, doubt_objects
 from bsg_robot.answers.place import NOT_SEEN, Destination, Piece
 from bsg_robot.answers.seen_building import SeenBuilding, open_graph
 from bsg_robot.answers.weighed_graph import WeighedGraph
@@ -260,14 +260,14 @@ def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
     ]
     weighed: list[int] = []
 
-    def note(decision: Any, *rest: Any, **more: Any) -> int | None:
-        weighed.append(len(decision.finds))
-        return choose_room(decision, *rest, **more)
+    def note(decision: Any, *rest: Any, **more: Any) -> Any:
+        weighed.append(decision.finds.shape[1])
+        return plan_looks(decision, *rest, **more)
 
-    monkeypatch.setattr("bsg_robot.answers.destinations.choose_room", note)
+    monkeypatch.setattr("bsg_robot.answers.seen_building.plan_looks", note)
     seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
     assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
-    assert weighed == [1 + 60 + 100 + 1], "the building, the rests, the pieces, and the bin"
+    assert weighed == [60 + 100 + 1], "the rests, the pieces, and the bin"
 
 
 def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() -> None:
@@ -349,7 +349,7 @@ def test_things_that_were_seen_are_gone_through_once_for_all_pieces_of_a_room() 
     room = KnownRoom("k", hidden_share=0.5)
     furniture = furnish("mug", room, seen, classes=(), unseen=np.zeros(0))
     assert furniture is not None
-    spots = list_spots(furniture, mugs, node=1, on=seen.on, missed=MissedPieces({}))
+    spots = list_spots(furniture, mugs, node=1, on=seen.on, looked={})
     assert [spot.seen for spot in spots] == [*((f"m{n}",) for n in range(9)), ()]
     assert Counted.times == 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,10 +18,9 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_models.belief.partial_graph import PartialGraph
-from bsg_models.search.knowledge import find_ways
 from bsg_robot.answers import ways as ways_
 from bsg_robot.answers.seen_building import open_graph
-from bsg_robot.answers.ways import add_places, measure_ways
+from bsg_robot.answers.ways import add_places, measure_ways, read_costs
 from bsg_robot.answers.words import find_room, set_hidden_shares
 from bsg_robot.graph.robot_json import parse_robot_graph, read_robot_graph
 
@@ -43,13 +43,17 @@ def test_ways_go_through_rooms_that_connect() -> None:
 
 def test_a_room_whose_place_is_unknown_is_as_far_as_others_are() -> None:
     ways = measure_ways(graph_of([[0, 0, 0], [2, 0, 0], None, [6, 0, 0]], [(1, 2), (2, 3), (2, 4)]))
-    assert ways.edges[2, 3] == 3  # the mean of 2 and 4
+    assert ways.edges[2, 3] == 3  # the median of 2 and 4
 
 
-def test_without_connections_ways_are_straight_or_by_rooms_whose_place_is_unknown() -> None:
+def test_without_connections_ways_are_straight_and_nothing_guessed_shortens_them() -> None:
     for places in ([[0, 0, 0], [9, 0, 0], [10, 0, 0]], [[0, 0, 0], [20, 0, 0], [10, 0, 0], None]):
-        ways = measure_ways(graph_of([*places, [0, 1, 0]], []))
-        np.testing.assert_allclose(ways.costs, find_ways(ways.edges[None]).costs[0])
+        costs = measure_ways(graph_of([*places, [0, 1, 0]], [])).costs
+        where = [n for n, place in enumerate([*places, [0, 1, 0]], 1) if place]
+        straight = np.array([place for place in places if place] + [[0, 1, 0]], dtype=float)
+        lines = np.linalg.norm(straight[:, None] - straight, axis=2)
+        np.testing.assert_allclose(costs[np.ix_(where, where)], lines)
+        assert np.isfinite(costs[1:, 1:]).all()
 
 
 def test_parts_that_no_edge_joins_are_joined_where_they_are_nearest() -> None:
@@ -66,7 +70,7 @@ def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
     ways = measure_ways(graph, {("a", "b"): 2.5})
     assert ways.unit == "given"
     assert ways.costs[2, 1] == 2.5
-    assert ways.costs[1, 3] == 3.5
+    assert ways.costs[1, 3] == 5, "the other way is taken for as long"
     assert measure_ways(graph, {("c", "a"): 0.5}).costs[1, 3] == 0.5
     assert np.isinf(measure_ways(graph, {("a", "b"): np.inf}).costs[1, 3])
     for wrong in ([1], {("a",): 1}, {"ab": 1}, {("a", "b"): -1}, {("a", "b"): np.nan}):
@@ -104,6 +108,32 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
     ways = measure_ways(graph, {(names[0], names[1]): 0.0})
     assert ways.costs[1, 1:5].tolist() == [0, 0, 1, 2]
     assert ways.costs[rooms, 1] == rooms - 2
+
+
+@given(st.data(), st.floats(0.01, 100))
+def test_nothing_guessed_makes_a_way_shorter_than_it_was_said(data: Any, unit: float) -> None:
+    """And all ways are in the unit of those that are said."""
+    every = [(a, b) for a in "abcd" for b in "abcd" if a < b]
+    pairs = data.draw(st.lists(st.sampled_from(every), unique=True, min_size=1))
+    said = {ends: data.draw(st.integers(1, 9)) for ends in pairs}
+    there = data.draw(st.lists(st.sampled_from(every), unique=True, max_size=4))
+    graph = graph_of([None] * 4, [(ord(a) - 96, ord(b) - 96) for a, b in there])
+    ways = measure_ways(graph, said)
+    alone = nx.Graph()
+    alone.add_weighted_edges_from((a, b, cost) for (a, b), cost in said.items())
+    for a, b in said:
+        least = nx.shortest_path_length(alone, a, b, weight="weight")
+        assert ways.costs[ord(a) - 96, ord(b) - 96] == least
+    scaled = measure_ways(graph, {ends: unit * cost for ends, cost in said.items()})
+    np.testing.assert_allclose(scaled.costs, unit * ways.costs)
+
+
+def test_a_garage_far_away_makes_rooms_that_are_not_found_yet_no_farther() -> None:
+    near = [[0, 0, 0], [4, 0, 0], [8, 0, 0], [4, 4, 0], [8, 4, 0]]
+    for pairs in ([], [(1, 2), (2, 3), (2, 4), (3, 5)]):
+        before = measure_ways(graph_of(near, pairs)).usual
+        garage = [(1, 6)] if pairs else []
+        assert measure_ways(graph_of([*near, [40, 0, 0]], [*pairs, *garage])).usual == before
 
 
 def test_places_that_are_not_known_are_as_far_as_others_are() -> None:
@@ -155,6 +185,42 @@ def test_what_is_no_share_or_no_room_is_refused(office: PartialGraph) -> None:
             set_hidden_shares(office, every=share)
     with refuses(RecipeError, "room-unknown", "attic"):
         set_hidden_shares(office, rooms={"attic": 0.5})
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        5,
+        {"hall": 1},
+        [["hall"]],
+        [["hall", "kitchen"]],
+        ["abc"],
+        [[None, "kitchen", 1]],
+        [["hall", "kitchen", 1]] * (ways_.MOST_PAIRS + 1),
+        [["hall", "kitchen", 1], ["kitchen", "hall", 2]],
+    ],
+)
+def test_a_list_of_costs_that_is_malformed_is_refused(said: Any) -> None:
+    with refuses(RecipeError, "costs-malformed", "costs"):
+        read_costs(said)
+
+
+def test_from_a_room_that_is_not_found_yet_a_way_leads_back_to_rooms_behind_closed_doors() -> None:
+    graph = graph_of([[0, 0, 0], [2, 0, 0], [6, 0, 0], [9, 0, 0]], [(1, 2)])
+    closed = {(a, b): math.inf for a in "ab" for b in "cd"} | {("c", "d"): math.inf}
+    costs = add_places(measure_ways(graph, closed), 1).costs
+    assert np.isfinite(costs[5]).all()
+    assert costs[2:5, 1].tolist() == [2, math.inf, math.inf]
+
+
+def test_a_list_of_costs_is_read_as_python_has_them() -> None:
+    said = [["hall", 7, 3], ["hall", "bath", "closed"], ["bath", "hall", "closed"]]
+    closed = dict.fromkeys([("hall", "bath"), ("bath", "hall")], math.inf)
+    assert read_costs(said) == {("hall", "7"): 3.0, **closed}
+    assert read_costs(None) is None
+    for cost in (-1, math.nan, math.inf, "shut", None, True):
+        with refuses(RecipeError, "number-impossible"):
+            read_costs([["hall", "kitchen", cost]])
 
 
 def test_the_likeliest_room_needs_no_ways(monkeypatch: pytest.MonkeyPatch) -> None:

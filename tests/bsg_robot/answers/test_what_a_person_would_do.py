@@ -8,17 +8,19 @@ to be what the robot is told to do.
 from __future__ import annotations
 
 import ast
+import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from bsg_data import BSGError
 from bsg_models import Predictor
-from bsg_robot import EXPLORE, SeenBuilding, open_graph
+from bsg_robot import EXPLORE, SeenBuilding, Step, open_graph
 
 
 def room(name: str, kind: str, in_view: float | None, *position: float) -> dict[str, Any]:
@@ -144,6 +146,7 @@ TOLD = {
     "DOUBTED TOWEL": "gone(towel); saw(bathroom, towel, score=0.9)",
     "NO TOILET": "looked(bathroom, toilet)",
     "NO MICROWAVE": "looked(kitchen, microwave)",
+    "FOUR TOILET LOOKS": "NO TOILET; NO TOILET; NO TOILET; NO TOILET",
     "FOUR LOOKS": "NO MICROWAVE; NO MICROWAVE; NO MICROWAVE; NO MICROWAVE",
     "ALL SEARCHED": "; ".join(f"searched({room})" for room in ROOMS),
     "FOUND": "more_rooms(True); discovered(hall, room_type=hallway)",
@@ -277,17 +280,20 @@ flat | towel | bathroom | bathroom | saw(hall, towel)
 flat | mug | kitchen | living room | MUG; saw(living room, mug, object_id=mug)
 # looks in vain: other rooms that may have it come before another look, and never at once
 flat | microwave | living room / hall | kitchen | NO MICROWAVE
-flat | microwave | kitchen | not kitchen, bathroom | NO MICROWAVE
+flat | microwave | kitchen | not bathroom | NO MICROWAVE
+flat | microwave | kitchen | not kitchen, bathroom | FOUR LOOKS
 # a glance: nine of ten microwaves are still here
 flat | microwave | kitchen / hall | kitchen | looked(kitchen, microwave, chance=0.3)
 flat | toilet | hall | bathroom | NO TOILET
-flat | toilet | bathroom | hall, bedroom, child's room, utility room | NO TOILET
+flat | toilet | bathroom | bathroom | NO TOILET
+flat | toilet | bathroom | hall, bedroom, child's room, utility room | FOUR TOILET LOOKS
 flat | microwave | kitchen | not kitchen, bathroom | FOUR LOOKS
 flat | stove | kitchen | kitchen | NO MICROWAVE
 flat | refrigerator | hall | kitchen | NO MICROWAVE
 # the bathroom still has it with .54, and a laundry is a place for it, too
 flat | towel | hall | bathroom, utility room | looked(bathroom, towel)
-flat | towel | bathroom | kitchen, utility room | looked(bathroom, towel)
+flat | towel | bathroom | bathroom, utility room | looked(bathroom, towel)
+flat | towel | bathroom | kitchen, utility room | looked(bathroom, towel); looked(bathroom, towel)
 flat | bed | bedroom | bedroom, child's room | looked(bedroom, bed)
 flat | mug | hall | kitchen | looked(kitchen, mug); MUG
 flat | microwave | kitchen | living room, utility room | looked(kitchen, microwave, chance=1.0)
@@ -685,8 +691,8 @@ def test_a_room_where_a_look_missed_comes_back_before_rooms_that_are_far_less_li
     assert len({step.room for step in plan}) == len(rooms)
     sent = seen.next_rooms({"a": "hall", "b": "bath"}, remote)
     assert {*sent.values()} == {"bedroom", "living room"}
-    # Who has just looked there leaves the second look to the other.
-    assert seen.next_rooms({"a": "living room", "b": "hall"}, remote)["a"] == "bedroom"
+    stays = seen.next_rooms({"a": "living room", "b": "hall"}, remote)
+    assert stays == {"a": "living room", "b": "bedroom"}, "who is there looks again"
 
 
 def test_a_map_and_a_question_read_a_word_alike() -> None:
@@ -822,3 +828,56 @@ def test_the_things_of_two_owners_are_two() -> None:
     found = {one: [p.room for p in seen.where(one) if p.seen] for one in ("mug", "Emma's mug")}
     assert found == {"mug": ["bedroom"], "Emma's mug": ["bedroom"]}
     assert not any(place.seen for place in seen.where("Liam's mug"))
+
+
+@pytest.mark.parametrize("things", [["tv"], ["mug"], ["keys"], ["milk", "towel"], ["umbrella"]])
+def test_no_search_finds_a_thing_more_surely_than_the_building_has_one(things: list[str]) -> None:
+    seen = open_graph(FLAT)
+    for chance in (0.8, 1.0):
+        plan = seen.explain(things, here="hall", chance=chance)
+        assert plan[0].room == seen.next_room(things, here="hall", chance=chance)
+        every = [seen.anywhere(thing) for thing in things]
+        assert all(a.found <= b.found for a, b in pairwise(plan))
+        assert all(step.found <= step.any_found + 1e-9 for step in plan)
+        assert plan[-1].found <= math.prod(every) + 1e-9
+        assert plan[-1].any_found <= 1 - math.prod(1 - one for one in every) + 1e-9
+        if chance == 1:
+            assert plan[-1].found == pytest.approx(math.prod(every), abs=1e-3)
+
+
+def test_a_robot_does_what_it_says() -> None:
+    """What it doubts at once and near comes before what it doubts a little more, far away."""
+    rooms = [
+        {"id": "hall", "position": [3, 0, 0]},
+        {"id": "kitchen", "position": [0, 0, 0], "visited": False},
+        {"id": "bedroom", "position": [397, 0, 0], "visited": False},
+    ]
+    seen = open_graph({"rooms": rooms, "more_rooms": 0})
+    seen.looked("kitchen", "mug")
+    assert seen.where("mug")[0].room == seen.next_room("mug", here="hall") == "kitchen"
+    for _ in range(3):
+        seen.looked("kitchen", "mug")
+    assert seen.next_room("mug", here="kitchen") == "hall", "it is near, too"
+
+
+def test_within_a_budget_a_robot_looks_where_it_most_likely_finds_a_thing() -> None:
+    seen = open_graph(FLAT)
+    free = seen.explain("mug", here="bedroom")
+    assert free[0].room == "kitchen"
+    for budget in (15.0, 25.0, 40.0, 60.0):
+        plan = seen.explain("mug", here="bedroom", budget=budget)
+        assert sum(step.way + step.look for step in plan) <= budget
+        within = [step for step in free if _ends(free, step) <= budget]
+        assert plan[-1].found >= max((step.found for step in within), default=0.0) - 1e-9
+        assert seen.next_room("mug", here="bedroom", budget=budget) == plan[0].room
+    assert seen.next_room("mug", here="bedroom", budget=1) is None
+    by_cost = seen.explain("mug", here="bedroom", budget=40)
+    in_time = seen.explain("mug", here="bedroom", budget=80, speed=0.5)
+    assert [replace(step, seconds=None) for step in in_time] == [*by_cost]
+    for step, same in zip(in_time, by_cost, strict=True):
+        assert step.seconds == pytest.approx(2 * _ends(by_cost, same))
+
+
+def _ends(plan: Sequence[Step], step: Step) -> float:
+    """Return what a plan has cost when a step ends."""
+    return sum(one.way + one.look for one in plan[: plan.index(step) + 1])

@@ -101,8 +101,8 @@ def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None
     go = robot.hear("next_place", "milk")
     assert go == {"topic": "next_place", "thing": "milk", "room": "kitchen", "piece": "fridge 1"}
     say(robot, "looked", thing="milk", at="fridge 1")
-    asked = {"id": 7, "thing": "milk", "at": "fridge 1", "look": 1, "chance": 0.9}
-    then = robot.seen.next_place("milk", here="kitchen", at="fridge 1", look=1, chance=0.9)
+    asked = {"id": 7, "thing": "milk", "at": "fridge 1", "look": 4, "chance": 0.7}
+    then = robot.seen.next_place("milk", here="kitchen", at="fridge 1", look=4, chance=0.7)
     assert then is not None
     assert say(robot, "next_place", **asked) == {"id": "7", **go, "piece": then.piece}
     assert then.piece == "counter 1"
@@ -178,6 +178,9 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
+        ("where", '{"thing": "cup", "costs": {"kitchen": 1}}', "request-malformed"),
+        ("where", '{"thing": "cup", "speed": 0}', "request-malformed"),
+        ("where", '{"thing": "cup", "budget": 5}', "budget-nowhere"),
         ("where", "zzqx", "thing-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
         ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),

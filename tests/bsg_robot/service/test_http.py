@@ -25,6 +25,7 @@ from bsg_robot.service.http import make_app
 
 DSG = json.loads((REPOSITORY / "docs/dsg.json").read_text("utf-8"))
 SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
+COSTS = [["hall", "kitchen", 3.5], ["kitchen", "hall", 3.5]]
 JSON = {"Content-Type": "application/json"}
 HUGE = b'{"map": {"kitchen": ["' + b"x" * 64_000_000 + b'"]}, "things": "chair"}'
 
@@ -52,10 +53,11 @@ def test_every_kind_of_map_is_read_as_open_graph_reads_it(
 
 def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
     described = httpx2.get(f"{address}/openapi.json").json()
-    said = {"map": SIMPLE, "things": ["bed", "sofa", "banana"], "here": "hall"}
+    said = {"map": SIMPLE, "things": ["bed", "sofa", "banana"], "here": "hall", "costs": COSTS}
+    said |= {"budget": 90, "speed": 0.5}
     schemas = {
         "/find": said,
-        "/next_place": {"map": SIMPLE, "thing": "bed", "here": "hall", "look": 2, "chance": 0.7},
+        "/next_place": {"map": SIMPLE, "thing": "bed", "here": "hall", "costs": COSTS, "look": 2},
         "/expect": {"map": SIMPLE, "room": "hall"},
     }
     team = {**said, "robots": {"a": "hall"}, "look": {"hall": 2}, "chance": 0.7, "task": "all"}

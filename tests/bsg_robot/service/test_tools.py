@@ -91,6 +91,9 @@ def test_a_map_may_be_a_text_that_our_parser_reads(address: str) -> None:
                 ("look", "5", 5),
                 ("look", '{"hall": 2}', {"hall": 2}),
                 ("chance", "0.5", 0.5),
+                ("budget", "9", 9),
+                ("speed", "0.5", 0.5),
+                ("costs", '[["hall", "kitchen", "closed"]]', [["hall", "kitchen", "closed"]]),
                 ("robots", '{"a": "hall"}', {"a": "hall"}),
             ):
                 texts = await client.call_tool("find_things", {**question, key: text})
