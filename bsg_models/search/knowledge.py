@@ -155,7 +155,7 @@ def find_costs(edges: Floats) -> Floats:
 
 def _find_by_all(edges: Floats) -> Floats:
     """Return what `find_costs` does, by the method of Floyd and Warshall."""
-    if len(edges) > MOST_JOINED:
+    if len(edges) - 1 > MOST_JOINED:
         raise RecipeError(
             f"expected at most {MOST_JOINED:,} rooms to measure ways between where each connects "
             f"with many, found {len(edges) - 1:,}; ask without the robot's room, or about a part "

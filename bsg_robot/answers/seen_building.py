@@ -76,7 +76,7 @@ from bsg_robot.graph.reports import reclassify
 from bsg_robot.things.pieces import TIDY, find_pieces_of
 
 _SHOWN_PIECES = 3  # of each room
-_MOST = 1e9  # of a cost, a budget, a speed
+_MOST, _SLOWEST = 1e9, 1e-6  # of a cost, a budget, a speed; and of a speed
 _LEAST = 1e-12  # a smaller number is not divided by
 
 
@@ -119,14 +119,21 @@ class _Search(NamedTuple):
     budget: float | None
     speed: float | None
 
+    def check(self) -> None:
+        """Refuse what is no task, budget or speed."""
+        require_task(self.task)
+        if self.budget is not None:
+            read_number("budget", self.budget, most=_MOST)
+        if self.speed is not None and read_number("speed", self.speed, most=_MOST) < _SLOWEST:
+            raise RecipeError(
+                f"speed: expected {_SLOWEST} or more, found {self.speed}", code="speed-zero"
+            )
+
     def spend(self, ways: Ways) -> float | None:
         """Return the budget in the unit of the ways."""
-        if self.speed is not None and not read_number("speed", self.speed, most=_MOST):
-            raise RecipeError("speed: expected above 0, found 0", code="speed-zero")
-        if self.budget is None:
-            return None
-        budget = read_number("budget", self.budget, most=_MOST)
-        return budget if self.speed is None else budget * self.speed * ways.metre
+        if self.budget is None or self.speed is None:
+            return self.budget
+        return self.budget * self.speed * ways.metre
 
 
 class _Plan(NamedTuple):
@@ -153,7 +160,7 @@ class SeenBuilding(ToldBuilding):
     no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
     """
 
-    _measured: tuple[PartialGraph, Ways] | None = None
+    _measured: tuple[PartialGraph, Costs | None, Ways] | None = None
 
     @overload
     def where(
@@ -331,23 +338,25 @@ class SeenBuilding(ToldBuilding):
             RecipeError: also if the planner cannot be used, a number cannot be, or no way leads to
                 a room that is left.
         """
-        chosen = find_planner(planner)
+        chosen, search = find_planner(planner), _Search(costs, look, chance, task, budget, speed)
+        search.check()
+        if here is not None and chosen == PLANNERS["expected-cost"]:
+            nodes = self._plan(things, [here], search).nodes[0]
+            return self._name(nodes[0]) if nodes else None
+        if budget is not None:
+            raise RecipeError(
+                "budget: needs `here`, the robot's room, and the planner expected-cost",
+                code="budget-impossible",
+            )
         if here is None:
-            require_task(task)
             if costs is not None or look is not None:
                 self._cost(costs, look)  # what is said must be right, though it does not count
-            if budget is not None:
-                raise RecipeError("budget: needs `here`, the robot's room", code="budget-nowhere")
             node = choose_likeliest(self._weigh(things, [], None, chance, task)[0])
-        elif chosen != PLANNERS["expected-cost"]:
-            require_task(task)
+        else:
             start = find_room(self.graph, here)
             ways, looks = self._cost(costs, look)
             decision, _ = self._weigh(things, [start], ways, chance, task)
             node = choose_room(decision, ways.costs, looks, here=start, planner=chosen)
-        else:
-            plan = self._plan(things, [here], _Search(costs, look, chance, task, budget, speed))
-            node = next(iter(plan.nodes[0]), None)
         return None if node is None else self._name(node)
 
     @alone
@@ -526,11 +535,10 @@ class SeenBuilding(ToldBuilding):
         Raises:
             RecipeError: also if there are more rooms, or a cost is not 0 or more.
         """
-        if costs is not None:
-            return measure_ways(self.graph, costs)
-        if self._measured is None or not _are_alike(self._measured[0], self.graph):
-            self._measured = self.graph, measure_ways(self.graph)
-        return self._measured[1]
+        known, costs = self._measured, dict(costs) if isinstance(costs, Mapping) else costs
+        if known is None or known[1] != costs or not _are_alike(known[0], self.graph):
+            known = self._measured = self.graph, costs, measure_ways(self.graph, costs)
+        return known[2]
 
     def _known_costs(self, here: str, costs: Costs | None) -> dict[int, float]:
         """Return the cost of the way from a room to each node, without ways that are guessed."""
@@ -560,7 +568,7 @@ class SeenBuilding(ToldBuilding):
 
     def _plan(self, things: str | Sequence[str], robots: Sequence[str], search: _Search) -> _Plan:
         """Return the plan of some robots, by their rooms."""
-        require_task(search.task)
+        search.check()
         here = [find_room(self.graph, room) for room in robots]
         ways, looks = self._cost(search.costs, search.look)
         budget = search.spend(ways)

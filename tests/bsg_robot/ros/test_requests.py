@@ -180,7 +180,7 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
         ("where", '{"thing": "cup", "costs": {"kitchen": 1}}', "request-malformed"),
         ("where", '{"thing": "cup", "speed": 0}', "request-malformed"),
-        ("where", '{"thing": "cup", "budget": 5}', "budget-nowhere"),
+        ("where", '{"thing": "cup", "budget": 5}', "budget-impossible"),
         ("where", "zzqx", "thing-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
         ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),
