@@ -24,11 +24,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import lru_cache, partial
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_models.search.problem import EXACT, LEAST, MORE_LOOKS, Plans, SearchProblem, put
+from bsg_models.search.problem import (
+    EXACT,
+    LEAST,
+    MORE_LOOKS,
+    Plans,
+    SearchProblem,
+    put,
+    share_rooms,
+)
 
 JOINT = 3  # things of which it matters which are found; each further one triples the time
 CHANCES = 5  # plans that begin at random; more are better and take longer
@@ -41,7 +50,7 @@ _THOROUGH = 40  # looks, all of which are tried again, one after another
 _IMPROVED, _LEAST_OF_MANY = 3, 3e-3  # plans that are improved if that is enough, and how far
 _SHARED = 0.5  # of looks have a room in common: rooms are searched piece by piece
 _SEVERAL = 100  # looks; of more, only the plan that costs least at first is improved
-_LOOKS = 500  # of all plans that begin at random, so that many looks have fewer
+_LOOKS, _TEAM_LOOKS = 500, 100  # of all plans that begin at random, so that many have fewer
 
 
 def plan_search(
@@ -233,32 +242,46 @@ def _layers(looks: int, in_turn: tuple[int, ...]) -> tuple[tuple[Ints, Ints, Int
 
 
 def _plan_locally(problem: SearchProblem, *, chances: int) -> Ints:
-    """Return the best of 3 + `chances` improved plans, into which looks were put in turn."""
+    """Return the best of some improved plans, into which looks were put in turn."""
     searches, looks = problem.finds.shape[:2]
-    few, many = looks <= EXACT, looks > _SEVERAL
-    hard = problem.robots > 1 and (few or not problem.single or problem.budget is not None)
-    if hard or many:
-        chances = _LOOKS // looks if hard else min(chances, _LOOKS // looks)
+    effort = _choose_effort(problem, chances)
     likely, near = problem.finds.max(axis=2), problem.legs[:, looks:].min(axis=1)
-    lots = np.repeat(np.random.default_rng(0).random((chances, looks)), searches, axis=0)
+    lots = np.random.default_rng(0).random((effort.chances, looks)).repeat(searches, axis=0)
     ranks = np.concatenate([-likely, near, -likely / (near + _LEAST_COST), lots])
     turns = np.argsort(ranks, axis=1, kind="stable").T
-    plans = Plans.of(problem, copies=3 + chances)
+    plans = Plans.of(problem, copies=len(ranks) // searches)
     path = plans.begin()
     for look in turns:
         path = put(path, look, plans.find_place(path, look))
         plans.settle(path, look)
     costs = plans.expect_path(path)
-    alone = problem.room is None and not plans.is_by_turns
-    thorough = few or (alone and looks <= _THOROUGH)
-    easy = not hard and (problem.robots > 1 or 0 < plans.mates.mean() < _SHARED)
-    quick = not thorough and (many or (easy and problem.budget is None))
-    if quick:
-        best = _best_of(costs, searches, number=1 if many else _IMPROVED)
+    if effort.improved is not None:
+        best = _best_of(costs, searches, number=effort.improved)
         plans, path, costs = plans.take(best), path[:, best], costs[best]
-    least = _LEAST_OF_MANY if quick else _LEAST_SHARE
-    _improve(plans, path, costs, least=least, thorough=thorough)
+    _improve(plans, path, costs, effort)
     return np.asarray(path[1:, _best_of(costs, searches)].T)
+
+
+class _Effort(NamedTuple):
+    """How thoroughly plans are made."""
+
+    chances: int  # plans that begin at random
+    improved: int | None  # the cheapest plans, which alone are improved; None: all
+    every: bool  # whether all looks are tried again, one after another
+
+
+def _choose_effort(problem: SearchProblem, chances: int) -> _Effort:
+    """Return how thoroughly plans are made: less so, where that is nearly as good."""
+    looks, is_team, is_timed = problem.looks, problem.robots > 1, problem.budget is not None
+    few, many = looks <= EXACT, looks > _SEVERAL
+    if is_team and (few or is_timed or not problem.single):  # with many plans near the best
+        return _Effort(_TEAM_LOOKS // looks, 1 if many else None, few)
+    chances = min(chances, _LOOKS // looks) if many else chances
+    if few or (looks <= _THOROUGH and problem.room is None and not is_team and not is_timed):
+        return _Effort(chances, None, every=True)
+    shared = 0.0 if problem.room is None else share_rooms(problem.room).mean()
+    easy = not is_timed and (is_team or 0 < shared < _SHARED)
+    return _Effort(chances, 1 if many else _IMPROVED if easy else None, every=False)
 
 
 def _best_of(costs: Floats, searches: int, *, number: int = 1) -> Ints:
@@ -267,15 +290,16 @@ def _best_of(costs: Floats, searches: int, *, number: int = 1) -> Ints:
     return np.asarray(best * searches + np.arange(searches)).ravel()
 
 
-def _improve(plans: Plans, path: Ints, cost: Floats, *, least: float, thorough: bool) -> None:
+def _improve(plans: Plans, path: Ints, cost: Floats, effort: _Effort) -> None:
     """Take out each look and put it in again, as long as that improves a path `[m, B]`.
 
-    Unless it is `thorough`, only looks are tried again that had moved if they had come first.
+    If not every look is tried, those are that had moved if they had come first.
     """
+    least = _LEAST_SHARE if effort.improved is None else _LEAST_OF_MANY
     looks, going = range(plans.problem.looks), np.arange(path.shape[1])
     while len(going):
         some, now = path[:, going], cost[going]
-        for look in looks if thorough else _find_movers(plans, some):
+        for look in looks if effort.every else _find_movers(plans, some):
             place, rest = _take_out(some, look)
             new = plans.find_place(rest, look)
             moved = np.flatnonzero(new != place)

@@ -152,10 +152,7 @@ class Plans:
         finds = finds.reshape(-1, things)
         first = np.arange(searches) * (looks + robots)
         none = np.zeros((searches, things))
-        mates = np.zeros(len(finds), dtype=bool)
-        if room is not None:
-            mates[1:] = room[1:] == room[:-1]
-            mates[:-1] |= mates[1:]
+        mates = np.zeros(len(finds), dtype=bool) if room is None else share_rooms(room)
         plans = cls(legs, finds, room, mates, problem, first, none, none, 1 - finds)
         order = np.tile(np.arange(looks)[:, None], searches)
         every = plans.left(order, whole=True)[-1]
@@ -413,6 +410,14 @@ def put(order: Ints, look: Ints | int, place: Ints) -> Ints:
     new = np.where(at < place, np.concatenate([order, gap]), np.concatenate([gap, order]))
     new[place, np.arange(len(place))] = look
     return new
+
+
+def share_rooms(room: Ints | Floats) -> Bools:
+    """Return whether another look is into the room of each, of rooms `[…, n]` side by side."""
+    same = np.zeros(room.shape, dtype=bool)
+    same[..., 1:] = room[..., 1:] == room[..., :-1]
+    same[..., :-1] |= same[..., 1:]
+    return same
 
 
 def _divide(some: Floats, whole: Floats) -> Floats:
