@@ -26,9 +26,10 @@ best in 437 half-seen rooms of HM3D.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.hidden_share import ShareBelief
-from bsg_models.belief.partial_graph import PartialGraph
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph
 from bsg_models.special_functions import beta_quantiles, gauss_legendre, log_sum_exp
 
 _LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most
@@ -49,29 +50,31 @@ _CELLS = 1 << 15  # of a table of likelihoods, so that it stays in a fast cache
 
 
 def spread_shares(
-    graph: PartialGraph, seen: Observation, *, levels: int = _LEVELS
+    graphs: Sequence[PartialGraph], seen: Observation, *, levels: int = _LEVELS
 ) -> tuple[Observation, Floats]:
     """Return the observation at several levels of the hidden shares, and the weight of each level.
 
     Args:
-        graph: what a robot knows of R rooms.
-        seen: the same as arrays, of N = 1 + R nodes.
+        graphs: what a robot knows of B buildings.
+        seen: the same as arrays.
         levels: K.
 
     Returns:
-        K copies of the building, one per level, and weights `[K]` that sum to 1. If every share is
+        K copies of all buildings, one per level, and weights `[K]` that sum to 1. If every share is
         certain, the observation itself and the weight 1.
     """
-    beliefs = [room.share for room in graph.rooms]
+    beliefs = [room.share for graph in graphs for room in graph.rooms]
     if all(belief.is_certain for belief in beliefs):
         return seen, np.ones(1)
     nodes, weights = gauss_legendre(levels)
-    told = [
-        [graph.share_with(shares), *shares]
-        for shares in _find_quantiles(beliefs, (1 + nodes) / 2).tolist()
-    ]
-    copies = seen.take(np.zeros(levels, dtype=np.int64))
-    return replace(copies, hidden_share=np.array(told, dtype=np.float32).ravel()), weights / 2
+    told: list[float] = []
+    for shares in _find_quantiles(beliefs, (1 + nodes) / 2).tolist():
+        of_room = iter(shares)
+        for graph in graphs:
+            own = [*islice(of_room, len(graph.rooms))]
+            told += graph.share_with(own), *own
+    copies = seen.take(np.tile(np.arange(len(seen)), levels))
+    return replace(copies, hidden_share=np.array(told, dtype=np.float32)), weights / 2
 
 
 def _find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:
@@ -95,55 +98,59 @@ def _find_each(
 
 
 def update_shares(
-    graph: PartialGraph,
+    graphs: Sequence[PartialGraph],
     seen: Observation,
     *,
     expect_rooms: Callable[[Observation, Ints], CountDistribution],
-) -> PartialGraph:
-    """Return a graph whose uncertain hidden shares are updated by what was seen.
+) -> list[PartialGraph]:
+    """Return graphs whose uncertain hidden shares are updated by what was seen.
 
     The model is asked about a copy of the building in which the room is forgotten. Beyond sixteen
     uncertain rooms, sixteen groups of rooms are forgotten in turn, because one copy per room would
     take time and memory that grow with the square of the rooms.
 
     Args:
-        graph: what a robot knows of R rooms; certain shares stay.
+        graphs: what a robot knows of B buildings; certain shares stay.
         seen: the same as arrays. Withheld classes are no evidence.
         expect_rooms: of a model.
     """
-    unsure = np.array(
-        [number for number, room in enumerate(graph.rooms, 1) if not room.share.is_certain],
-        dtype=np.int64,
-    )
-    if not len(unsure):
-        return graph
-    rooms = list(graph.rooms)
-    for numbers, true in _expect_forgotten(graph, seen, unsure, expect_rooms=expect_rooms):
-        beliefs = [rooms[number - 1].share for number in numbers]
-        after = _weigh(beliefs, true, seen.inputs[numbers], withheld=seen.withheld[numbers])
-        for number, mean, sd in zip(numbers.tolist(), *after.tolist(), strict=True):
-            share = ShareBelief(mean, sd)
-            rooms[number - 1] = replace(
-                rooms[number - 1], hidden_share=share.mean, hidden_share_sd=share.sd
-            )
-    share_of_all = graph.share_with([room.hidden_share for room in rooms])
-    return replace(graph, rooms=tuple(rooms), hidden_share=share_of_all)
-
-
-def _expect_forgotten(
-    graph: PartialGraph,
-    seen: Observation,
-    unsure: Ints,
-    *,
-    expect_rooms: Callable[[Observation, Ints], CountDistribution],
-) -> Iterator[tuple[Ints, CountDistribution]]:
-    """Yield rooms, with what a model expects in each of them when nothing of it was seen."""
-    number = min(len(unsure), _GROUPS)
-    groups = [unsure[first::number] for first in range(number)]
-    size = max(1, _NODES // len(seen.inputs))
-    for first in range(0, number, size):
+    rooms = {
+        first + number: room
+        for first, graph in zip(seen.starts.tolist(), graphs, strict=False)
+        for number, room in enumerate(graph.rooms, 1)
+    }
+    after = dict(rooms)
+    groups = _group_unsure(rooms, seen)
+    size = max(1, _NODES // int(np.diff(seen.starts).max()))
+    for first in range(0, len(groups), size):
         some = groups[first : first + size]
-        yield np.concatenate(some), expect_rooms(*_forget(graph, seen, some))
+        rows = np.concatenate(some)
+        beliefs = [rooms[row].share for row in rows.tolist()]
+        true = expect_rooms(*_forget(graphs, seen, some))
+        told = _weigh(beliefs, true, seen.inputs[rows], withheld=seen.withheld[rows])
+        for row, mean, sd in zip(rows.tolist(), *told.tolist(), strict=True):
+            share = ShareBelief(mean, sd)
+            after[row] = replace(rooms[row], hidden_share=share.mean, hidden_share_sd=share.sd)
+    left = iter(after.values())
+    return [_with_rooms(graph, tuple(islice(left, len(graph.rooms)))) for graph in graphs]
+
+
+def _group_unsure(rooms: Mapping[int, KnownRoom], seen: Observation) -> list[Ints]:
+    """Return the rows of the uncertain of some rooms, by row, in groups of each building."""
+    unsure = np.array([row for row, room in rooms.items() if not room.share.is_certain], np.int64)
+    groups: list[Ints] = []
+    for own in np.split(unsure, np.searchsorted(unsure, seen.starts[1:-1])):
+        number = min(len(own), _GROUPS)
+        groups += [own[first::number] for first in range(number)]
+    return groups
+
+
+def _with_rooms(graph: PartialGraph, rooms: tuple[KnownRoom, ...]) -> PartialGraph:
+    """Return a graph with other shares of its rooms; itself if none differs."""
+    if rooms == graph.rooms:
+        return graph
+    share_of_all = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=rooms, hidden_share=share_of_all)
 
 
 def _weigh(
@@ -172,21 +179,31 @@ def _weigh(
 
 
 def _forget(
-    graph: PartialGraph, seen: Observation, groups: Sequence[Ints]
+    graphs: Sequence[PartialGraph], seen: Observation, groups: Sequence[Ints]
 ) -> tuple[Observation, Ints]:
-    """Return a copy of an observation for each group of rooms that it forgets, and their rows.
+    """Return a copy of a building for each group of its rooms that it forgets, and their rows.
 
     Nothing of them was seen, everything is hidden.
     """
-    copies = seen.take(np.zeros(len(groups), dtype=np.int64))
-    copy, rooms = np.repeat(np.arange(len(groups)), [*map(len, groups)]), np.concatenate(groups)
-    first, rows = copies.starts[copy], copies.starts[copy] + rooms
+    building = seen.building[[rows[0] for rows in groups]]
+    copies = seen.take(building)
+    copy, known = np.repeat(np.arange(len(groups)), [*map(len, groups)]), np.concatenate(groups)
+    first = copies.starts[copy]
+    rows = known + first - seen.starts[building[copy]]
     for counts in (copies.inputs, copies.unclassified):
         np.subtract.at(counts, first, counts[rows])
         counts[rows] = 0
-    told = np.tile([room.hidden_share for room in graph.rooms], (len(groups), 1))
-    told[copy, rooms - 1] = 1.0
-    copies.hidden_share[copies.starts[:-1]] = [graph.share_with(own) for own in told.tolist()]
+    copies.hidden_share[copies.starts[:-1]] = [
+        _share_without(graphs[number], own - seen.starts[number])
+        for number, own in zip(building.tolist(), groups, strict=True)
+    ]
     copies.hidden_share[rows] = 1.0
     copies.visited[rows] = False
     return copies, rows
+
+
+def _share_without(graph: PartialGraph, numbers: Ints) -> float:
+    """Return the hidden share of a building that forgets some rooms."""
+    told = np.array([1.0, *(room.hidden_share for room in graph.rooms)])
+    told[numbers] = 1.0
+    return graph.share_with(told[1:].tolist())

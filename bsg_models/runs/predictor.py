@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,7 @@ from bsg_data.arrays import Bools
 from bsg_data.errors import ClassMapError, MismatchError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.observation.observation import Observation
+from bsg_data.observation.observation import Observation, stack
 from bsg_data.scene.class_map import (
     ClassMap,
     OwnMap,
@@ -101,19 +101,18 @@ class Predictor:
 
     def __call__(
         self,
-        graph: PartialGraph,
-        *,
+        *graphs: PartialGraph,
         withheld: Collection[int] | Bools = (),
         weigh_seen: bool = True,
     ) -> Expectation:
-        """Return what the model believes about a partial graph.
+        """Return what the model believes about a partial graph, or about several, one by one.
 
         If the hidden share of a room is uncertain, the seen objects narrow it (`believe_shares`).
         The answer then mixes the model's expectations at several shares, which takes two passes. If
         all shares are certain, it takes one.
 
         Args:
-            graph: what was seen.
+            graphs: what was seen of one building, or of several, whose nodes follow each other.
             withheld: classes left out of the graph in rooms that were not searched, so that their
                 absence is no evidence; a search withholds its artifacts. Or a mask `[1 + R, C]` by
                 node and class.
@@ -121,23 +120,18 @@ class Predictor:
                 them for its shares already.
 
         Raises:
-            MismatchError: if the graph has another class space.
+            MismatchError: if a graph has another class space.
             PredictionError: if the answer is not finite.
         """
-        seen = self._observe(graph, withheld)
+        seen = stack([self._observe(graph, withheld) for graph in graphs])
         with one_thread():
-            return self._answer(graph, seen, weigh_seen=weigh_seen)
-
-    def _answer(self, graph: PartialGraph, seen: Observation, *, weigh_seen: bool) -> Expectation:
-        """Return the expectation of what was seen, over the uncertain shares."""
-        if weigh_seen:
-            graph = self._update_shares(graph, seen)
-        levels, weights = spread_shares(graph, seen)
-        expectation = self._model.expect(levels)
-        if len(weights) > 1:
-            expectation = mix_copies(expectation, weights)
-        # The paper's model does not read the hidden share, and expects some in a searched room.
-        left = expectation.hidden_counts.without(seen.cell_share == 0)
+            updated = self._update_shares(graphs, seen) if weigh_seen else graphs
+            levels, weights = spread_shares(updated, seen)
+            expectation = self._model.expect(levels)
+            if len(weights) > 1:
+                expectation = mix_copies(expectation, weights)
+            # The paper's model does not read the hidden share, and expects some in a searched room.
+            left = expectation.hidden_counts.without(seen.cell_share == 0)
         return Expectation(expectation.inputs, left, expectation.raw_totals)
 
     def believe_shares(
@@ -156,17 +150,20 @@ class Predictor:
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
-        after = self._update_shares(graph, seen)
+        with one_thread():
+            (after,) = self._update_shares([graph], seen)
         return tuple(room.share for room in after.rooms)
 
-    def _update_shares(self, graph: PartialGraph, seen: Observation) -> PartialGraph:
-        """Return a graph whose shares are updated by the classes that the model was taught."""
-        if all(room.share.is_certain for room in graph.rooms):
-            return graph
+    def _update_shares(
+        self, graphs: Sequence[PartialGraph], seen: Observation
+    ) -> Sequence[PartialGraph]:
+        """Return graphs whose shares are updated by the classes that the model was taught."""
+        if all(room.share.is_certain for graph in graphs for room in graph.rooms):
+            return graphs
         if self._model.untaught is not None:
             seen = replace(seen, withheld=seen.withheld | self._model.untaught)
         apart = self._model.with_independent_rooms()
-        return update_shares(graph, seen, expect_rooms=apart.expect_rooms)
+        return update_shares(graphs, seen, expect_rooms=apart.expect_rooms)
 
     def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:
         if graph.class_space != self.class_space:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_models.belief.expectation import Expectation, join
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph
 from bsg_robot.graph import reports
 
@@ -35,22 +35,23 @@ class Apart:
     none: tuple[Floats, ...]
 
 
-def expect_apart(
-    graph: PartialGraph, known: Bools, model: Callable[[PartialGraph], Expectation]
-) -> Apart:
-    """Return what a model believes of a graph of R rooms; `known` `[R]` are those it is told of."""
+def expect_apart(graph: PartialGraph, known: Bools, model: Callable[..., Expectation]) -> Apart:
+    """Return what a model believes of a graph of R rooms; `known` `[R]` are those it is told of.
+
+    The model is asked about both parts at once (`bsg_models.runs.predictor`).
+    """
     nodes = 1 + np.flatnonzero(known), 1 + np.flatnonzero(~known)
     if known.all() or not known.any():
         every = model(graph)
         return Apart(every, (1 + np.arange(len(known)),), (1 - every.presence[0],))
     some = keep_rooms(graph, nodes[0] - 1)
-    alone = model(some)
-    beside = model(reports.discover(some, KnownRoom("(unknown)", 1.0, visited=False)))
-    rows = np.empty(1 + len(known), dtype=np.int64)
-    rows[0], rows[nodes[0]] = 0, 1 + np.arange(len(nodes[0]))
-    rows[nodes[1]] = len(nodes[0]) + 1 + len(nodes[0]) + 1  # the last row of `beside`
-    both = join([alone, beside]).take(rows)
-    none = 1 - alone.presence[0], (1 - both.presence[nodes[1]]).prod(axis=0)
+    beside = reports.discover(some, KnownRoom("(unknown)", 1.0, visited=False))
+    asked = model(some, beside)
+    rows = np.zeros(1 + len(known), dtype=np.int64)
+    rows[nodes[0]] = 1 + np.arange(len(nodes[0]))
+    rows[nodes[1]] = len(asked.inputs) - 1  # the unknown room beside the others
+    both = asked.take(rows)
+    none = 1 - both.presence[0], (1 - both.presence[nodes[1]]).prod(axis=0)
     factor = np.zeros(both.inputs.shape)
     factor[0] = log_odds(none[0] * none[1]) - log_odds(none[0])
     hidden = both.hidden_counts.with_none_likelier(factor)

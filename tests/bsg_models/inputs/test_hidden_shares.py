@@ -56,7 +56,7 @@ def test_the_posterior_by_hand(prior: ShareBelief) -> None:
         quad(weigh, 0, 1, args=(power,), points=[0.9, 0.97])[0] for power in range(3)
     )
     mean = first / total
-    after = update_shares(graph, graph.observation(), expect_rooms=expect_two_of_each)
+    (after,) = update_shares([graph], graph.observation(), expect_rooms=expect_two_of_each)
     found = after.rooms[KITCHEN - 1]
     assert found.hidden_share == pytest.approx(mean, abs=2e-3)
     assert found.hidden_share_sd == pytest.approx((second / total - mean**2) ** 0.5, abs=2e-3)
@@ -72,7 +72,7 @@ def test_a_certain_share_stays() -> None:
 
 def test_a_predictor_averages_over_the_posterior() -> None:
     graph = believe_kitchen(VAGUE)
-    after = update_shares(graph, graph.observation(), expect_rooms=expect_two_of_each)
+    (after,) = update_shares([graph], graph.observation(), expect_rooms=expect_two_of_each)
     assert after.hidden_share == graph.share_with([r.hidden_share for r in after.rooms])
     assert after.objects == graph.objects
     posterior = hide_of_room(OFFICE, KITCHEN, PREDICTOR.believe_shares(graph)[KITCHEN - 1])
@@ -152,7 +152,7 @@ def believe_shares(*shares: ShareBelief) -> PartialGraph:
 def test_levels_by_hand() -> None:
     """Uniform and certain rooms; Gauss and Legendre's two nodes lie at 1/2 ± 1/√12."""
     graph = believe_shares(ShareBelief(0.5, 12**-0.5), ShareBelief(0.2), ShareBelief(0.9))
-    levels, weights = spread_shares(graph, graph.observation(), levels=2)
+    levels, weights = spread_shares([graph], graph.observation(), levels=2)
     assert weights.tolist() == [0.5, 0.5]
     assert levels.scene_ids == ("office", "office")
     low, high = levels.hidden_share[:4], levels.hidden_share[4:]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.expectation import Expectation, join
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_robot.answers.unknown_rooms import expect_apart, keep_rooms
 from bsg_robot.graph.robot_json import parse_robot_graph
@@ -38,8 +38,12 @@ class Jealous:
     def __init__(self) -> None:
         self.heard: list[tuple[str, ...]] = []
 
-    def __call__(self, graph: PartialGraph) -> Expectation:
-        self.heard.append(tuple(room.name for room in graph.rooms))
+    def __call__(self, *graphs: PartialGraph) -> Expectation:
+        self.heard += (tuple(room.name for room in graph.rooms) for graph in graphs)
+        return join([self._share(graph) for graph in graphs])
+
+    @staticmethod
+    def _share(graph: PartialGraph) -> Expectation:
         seen = graph.histograms().astype(float)
         each = 2.0 / len(graph.rooms)
         means = np.full(seen.shape, each)
