@@ -90,6 +90,12 @@ class Expectation:
         said = None if self.raw_totals is None else self.raw_totals[rows]
         return Expectation(self.inputs[rows], self.hidden_counts.take(rows), said)
 
+    def take_classes(self, columns: npt.NDArray[np.integer]) -> Expectation:
+        """Return the expectation of some classes, `columns` `[A]`."""
+        said = None if self.raw_totals is None else self.raw_totals[:, columns]
+        counts = self.hidden_counts.take_classes(columns[None])
+        return Expectation(self.inputs[:, columns], counts, said)
+
 
 def from_totals(inputs: Floats, totals: Floats) -> Expectation:
     """Return the expectation of a model that predicts whole histograms `[N, C]`."""

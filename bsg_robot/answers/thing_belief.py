@@ -198,15 +198,12 @@ def _miss(objects: Sequence[SeenObject], chance: float) -> float:
     return math.prod([1 - chance * obj.probability for obj in objects])
 
 
-def believe_class(belief: Expectation, column: int) -> tuple[CountDistribution, float]:
-    """Return the hidden counts of a class, and P(the building hides none).
+def believe_class(counts: CountDistribution) -> tuple[CountDistribution, float]:
+    """Return the hidden counts of a class `[N, 1]`, and P(the building hides none).
 
     The building is never less likely to hide one than its likeliest room.
     """
-    columns = np.full((len(belief.inputs), 1), column)
-    counts = belief.hidden_counts.take_classes(columns)
-    none = 1 - counts.presence[:, 0]
-    return counts, float(none.min())
+    return counts, float(1 - counts.presence.max())
 
 
 def believe_noun(

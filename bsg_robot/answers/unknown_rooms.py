@@ -34,6 +34,11 @@ class Apart:
     nodes: tuple[Ints, ...]
     none: tuple[Floats, ...]
 
+    def take_classes(self, columns: Ints) -> Apart:
+        """Return what it believes of some classes, `columns` `[A]`."""
+        none = tuple(of_group[columns] for of_group in self.none)
+        return Apart(self.every.take_classes(columns), self.nodes, none)
+
 
 def expect_apart(graph: PartialGraph, known: Bools, model: Callable[..., Expectation]) -> Apart:
     """Return what a model believes of a graph of R rooms; `known` `[R]` are those it is told of.

@@ -88,7 +88,7 @@ class ClassThings:
         return np.asarray(self.things.sights[len(self.own) :] >= IN_SIGHT)
 
 
-@lru_cache(maxsize=8)  # models have few class spaces
+@lru_cache(maxsize=1024)  # a search asks for one class, again and again
 def find_things(classes: tuple[str, ...]) -> ClassThings:
     """Return what the table of things has of classes."""
     table = read_kinds()

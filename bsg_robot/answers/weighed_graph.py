@@ -91,7 +91,7 @@ class WeighedGraph:
         ]
         self._evidence = replace(left, looks=(), objects=()), Counter(seen)
         self._asked: dict[Asked, Apart] = {}
-        self._found: Expectation | None = None
+        self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
         self._pieces: dict[int, SeenPieces] = {}
         self.kinds: RoomKinds
         if before is not None and before._evidence == self._evidence:
@@ -129,29 +129,30 @@ class WeighedGraph:
             self._asked[asked] = expect_apart(graph, self.kinds.known, model)
         return self._asked[asked]
 
-    @property
-    def found(self) -> Expectation:
-        """What a person would find, by the building's model and the table of everyday things."""
-        if self._found is None:
+    def _find(self, *columns: int) -> CountDistribution:
+        """Return what a person would find of A classes, by the model and the table, `[N, A]`."""
+        if columns not in self._found:
             graph, belief = self.believe(Asked.OWN)
-            classes = find_things(self._words.own.classes)
+            classes = find_things(tuple(self._words.own.classes[column] for column in columns))
             rates = rate_things(classes.things, self.kinds, graph)
             own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
-            least, homes = np.zeros((2, *belief.inputs.shape))
+            least, homes = np.zeros((2, self.nodes, len(columns)))
             homes[:, classes.own] = own.T
             parts[classes.in_sight, 1:] *= self.kinds.strange
             parts[:, 0] = parts[:, 1:].sum(axis=1)
             np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
-            weight = np.zeros(homes.shape[1])
-            is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
+            weight = np.zeros(len(columns))
+            is_new = belief.inputs[:, columns].sum(axis=0) == 0  # few know how many have a second
             weight[classes.own] = OF_HOMES * is_new[classes.own]
-            hidden = lift(self._ask(Asked.OWN), homes, weight=weight, least=least)
-            self._found = replace(belief, hidden_counts=hidden)
-        return self._found
+            asked = self._ask(Asked.OWN).take_classes(np.array(columns))
+            self._found[columns] = lift(asked, homes, weight=weight, least=least)
+        return self._found[columns]
 
     @cached_property
     def _counted(self) -> Expectation:
-        return replace(self.found, hidden_counts=count_rooms(self.found.hidden_counts))
+        belief = self.believe(Asked.OWN)[1]
+        found = self._find(*range(len(self._words.own.classes)))
+        return replace(belief, hidden_counts=count_rooms(found))
 
     def expectation(self) -> Expectation:
         """Return what is believed of the nodes that the robot said, by the building's model."""
@@ -210,7 +211,7 @@ class WeighedGraph:
         if meaning.noun is not None:
             judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
         if meaning.class_index is not None:
-            counted = believe_class(self.found, meaning.class_index)
+            counted = believe_class(self._find(meaning.class_index))
             if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
                 theirs = find_thing(str(meaning.class_name))
                 if theirs is not None:
@@ -227,7 +228,7 @@ class WeighedGraph:
         classes, whole = self._words.own.classes, thing.wider
         if whole in (None, *thing.names) or whole not in classes or thing.sight < IN_SIGHT:
             return np.asarray(rates)
-        most = self.found.presence[:, classes.index(whole)]
+        most = self._find(classes.index(whole)).presence[:, 0]
         return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:

@@ -106,12 +106,12 @@ def test_a_planning_loop_asks_the_model_once_a_state(
     seen: SeenBuilding, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As railroad grounds its actions: every robot, location and thing, p and 1 − p."""
-    asked: list[PartialGraph] = []
+    asked: list[tuple[PartialGraph, ...]] = []
     answer = Predictor.__call__
 
-    def count(predictor: Predictor, graph: PartialGraph, **options: Any) -> Expectation:
-        asked.append(graph)
-        return answer(predictor, graph, **options)
+    def count(predictor: Predictor, *graphs: PartialGraph, **options: Any) -> Expectation:
+        asked.append(graphs)
+        return answer(predictor, *graphs, **options)
 
     monkeypatch.setattr(Predictor, "__call__", count)
     locations = [f"place_{k}" for k in range(9)]
