@@ -446,15 +446,22 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
+    return _spread(tuple(weigh_labels(check_room_type(said)).items()))
+
+
+@lru_cache(maxsize=4096)  # every observation asks again
+def _spread(said: tuple[tuple[str, float], ...]) -> npt.NDArray[np.float32]:
     index = {label: number for number, label in enumerate(list_room_labels())}
     row = np.zeros(len(index))
-    for label, probability in weigh_labels(read_room_type(said).labels).items():
+    for label, probability in weigh_labels(read_room_type(dict(said) or None).labels).items():
         if (read := known_label(label)) in index:
             row[index[read]] += probability
     if row.any():
         row += max(0.0, 1 - row.sum()) / len(row)
         row /= row.sum()
-    return row.astype(np.float32)
+    spread = row.astype(np.float32)
+    spread.setflags(write=False)
+    return spread
 
 
 @cache

@@ -76,12 +76,10 @@ class RoomKinds:
     def said(self) -> tuple[tuple[tuple[str, float], ...], ...]:
         """The kinds of each room, the likeliest first, in whole percents."""
         names = self.table.kinds
+        likely = ([one for one in enumerate(row) if one[1] >= _SAID] for row in self.rooms.tolist())
         return tuple(
-            tuple(
-                (names[kind], round(float(row[kind]), 2))
-                for kind in sorted(np.flatnonzero(row >= _SAID), key=lambda kind: -row[kind])
-            )
-            for row in self.rooms
+            tuple((names[k], round(p, 2)) for k, p in sorted(row, key=lambda one: -one[1]))
+            for row in likely
         )
 
     def taken_for(self, number: int) -> str | None:

@@ -54,6 +54,7 @@ _SYNONYMS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "looks": {"object": ("thing",), "category": ("thing",), "on": ("at",)},
 }
+_PLAIN = (str, int, float, bool, type(None))
 
 
 def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
@@ -114,6 +115,8 @@ def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
 
 def _make_plain(said: Any, depth: int = _DEPTH) -> Any:
     """Return a document without NumPy's values, and with lists alone."""
+    if type(said) in _PLAIN:  # most are; to ask for an abstract class takes long
+        return said
     if isinstance(said, np.generic | np.ndarray):
         return said.tolist()
     if isinstance(said, set | frozenset):
