@@ -83,6 +83,15 @@ def test_a_predictor_averages_over_the_posterior() -> None:
     assert np.abs(PREDICTOR(graph).presence[KITCHEN] - told).max() > 0.1
 
 
+def test_several_buildings_are_answered_as_each_alone() -> None:
+    graphs = believe_kitchen(VAGUE), furnish(2), OFFICE
+    alone = [PREDICTOR(graph) for graph in graphs]
+    together = PREDICTOR(*graphs)
+    np.testing.assert_array_equal(together.inputs, np.vstack([one.inputs for one in alone]))
+    presence = np.vstack([one.presence for one in alone])
+    np.testing.assert_allclose(together.presence, presence, atol=1e-5)
+
+
 def test_withheld_classes_are_no_evidence() -> None:
     graph = believe_kitchen(VAGUE)
     everything = range(len(PREDICTOR.classes))
