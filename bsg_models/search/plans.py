@@ -22,6 +22,7 @@ the same as one that names the room, so plans by the cheapest ways between rooms
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import combinations
 from typing import NamedTuple
@@ -46,6 +47,8 @@ _CELLS = 1 << 19  # of tables; more searches are planned in turns
 _NEVER = 1e30  # cost of a set that no plan comes to
 _LEAST_COST = 1e-9  # that a look's likelihood is divided by
 _LEAST_SHARE = 1e-9  # least relative improvement
+_NEARLY, _TRIED = 0.005, 16  # P(found within a budget) that is as good; sets that are tried
+_MOST_ROUNDS = 100  # in which a plan is improved
 _THOROUGH = 40  # looks, all of which are tried again, one after another
 _IMPROVED, _LEAST_OF_MANY = 3, 3e-3  # plans that are improved if that is enough, and how far
 _SHARED = 0.5  # of looks have a room in common: rooms are searched piece by piece
@@ -67,8 +70,9 @@ def plan_search(
     if exact is None:
         exact = EXACT + MORE_LOOKS * (problem.room is not None)
     searches, looks = problem.finds.shape[:2]
-    if looks <= exact and problem.robots == 1 and problem.budget is None:
-        cells, plan = looks << looks, _plan_exactly
+    if looks <= exact and problem.robots == 1:
+        timed = problem.budget is not None
+        cells, plan = looks << looks, _plan_in_time if timed else _plan_exactly
     else:
         cells, plan = (3 + chances) * looks**2, partial(_plan_locally, chances=chances)
     together = max(1, _CELLS // max(1, cells))
@@ -238,6 +242,77 @@ def _layers(looks: int, in_turn: tuple[int, ...]) -> tuple[tuple[Ints, Ints, Int
     return tuple(layers)
 
 
+# Within a budget
+
+
+def _plan_in_time(problem: SearchProblem) -> Ints:
+    """Return the plans that most likely find things within the budget; the rest comes last.
+
+    Of sets of looks that are nearly as good, it is that whose mean time to find them is least.
+    """
+    return np.stack([_plan_one(problem.take(slice(k, k + 1))) for k in range(len(problem.finds))])
+
+
+def _plan_one(problem: SearchProblem) -> Ints:
+    looks, q = problem.looks, _list_left(problem)
+    fastest, before = _find_fastest(problem)
+    w = Plans.of(problem).goes_on(q if problem.single else q[::-1])[:, 0]
+    in_time = fastest.min(axis=1) <= (problem.budget or 0.0)
+    in_time[0] = True
+    good = np.flatnonzero(in_time & (w <= w[in_time].min() + _NEARLY))
+    plans = [
+        _order_set(problem, int(one), fastest, before) for one in good[w[good].argsort()][:_TRIED]
+    ]
+    best = min(plans, key=lambda plan: _mean_time(problem, plan))
+    return np.array([*best, *(one for one in range(looks) if one not in best)])
+
+
+def _find_fastest(problem: SearchProblem) -> tuple[Floats, Ints]:
+    """Return when sets of looks have ended, `[2^n, n]` by the last one, and the look before it."""
+    looks, legs = problem.looks, problem.legs[0]
+    fastest, before = np.full((1 << looks, looks), np.inf), np.zeros((1 << looks, looks), int)
+    each = np.arange(looks)
+    fastest[1 << each, each] = problem.delay[0, 0] + legs[looks]
+    for sets, inside, outside in reversed(_layers(looks, ())):
+        ends = (
+            fastest[sets[:, None], inside][:, :, None] + legs[inside[:, :, None], outside[:, None]]
+        )
+        after = sets[:, None] | 1 << outside
+        fastest[after, outside] = ends.min(axis=1)
+        before[after, outside] = np.take_along_axis(inside, ends.argmin(axis=1), axis=1)
+    return fastest, before
+
+
+def _order_set(problem: SearchProblem, chosen: int, fastest: Floats, before: Ints) -> list[int]:
+    """Return the order of a set of looks that costs least, or the fastest, to be in time."""
+    some = np.flatnonzero(chosen >> np.arange(problem.looks) & 1)
+    if not len(some):
+        return []
+    part = replace(
+        problem,
+        legs=problem.legs[:, np.append(some, problem.looks)][:, :, some],
+        finds=problem.finds[:, some],
+        room=None if problem.room is None else problem.room[:, some],
+        in_turn=(),
+    )
+    order: list[int] = some[_plan_exactly(part)[0]].tolist()
+    if len(problem.cut(order, robot=0)) == len(order):
+        return order
+    order, last = [], int(fastest[chosen].argmin())
+    while chosen:
+        order.append(last)
+        chosen, last = chosen & ~(1 << last), int(before[chosen, last])
+    return order[::-1]
+
+
+def _mean_time(problem: SearchProblem, looks: list[int]) -> float:
+    """Return the mean time until things are found, or the budget is spent."""
+    path = [problem.looks, *looks]
+    ends = problem.delay[0, 0] + problem.legs[0, path[:-1], path[1:]].cumsum()
+    left = 1 - np.append(0.0, problem.found(looks).prod(axis=1))
+    return float(np.diff(ends, prepend=0.0, append=problem.budget or 0.0) @ left)
+
+
 # By local search
 
 
@@ -297,7 +372,9 @@ def _improve(plans: Plans, path: Ints, cost: Floats, effort: _Effort) -> None:
     """
     least = _LEAST_SHARE if effort.improved is None else _LEAST_OF_MANY
     looks, going = range(plans.problem.looks), np.arange(path.shape[1])
-    while len(going):
+    for _ in range(_MOST_ROUNDS):
+        if not len(going):
+            break
         some, now = path[:, going], cost[going]
         for look in looks if effort.every else _find_movers(plans, some):
             place, rest = _take_out(some, look)

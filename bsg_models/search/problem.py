@@ -100,17 +100,6 @@ class SearchProblem:
         left = Plans.of(replace(self, single=True)).left(np.array(looks, dtype=np.int64)[:, None])
         return np.asarray((1 - left[1:, 0]) / (1.0 if self.scale is None else self.scale[0]))
 
-    def ended(self, looks: Sequence[int]) -> Floats:
-        """Return P(the task is done by then) of m looks of the first search, `[m]`.
-
-        For `all`, it is P(the looks that do not come by then would find nothing).
-        """
-        if self.single:
-            return np.asarray(self.found(looks).prod(axis=1))
-        rest = [one for one in range(self.looks) if one not in looks]
-        left = Plans.of(self).left(np.array([*looks, *rest], dtype=np.int64)[:, None])[:, :1]
-        return np.asarray(1 - Plans.of(self).goes_on(left)[1 : 1 + len(looks), 0])
-
     def cut(self, looks: list[int], *, robot: int) -> list[int]:
         """Return the looks of a robot of the first search that end within the budget."""
         if self.budget is None:
@@ -239,7 +228,7 @@ class Plans:
     def goes_on(self, left: Floats) -> Floats:
         """Return w of Q of looks that were made, or for `all` of those that are left, `[…, B]`."""
         if self.problem.single:
-            u = (left - self.every) * self.given
+            u = ((left - self.every) * self.given).clip(min=0.0)
             return u[..., 0] if u.shape[-1] == 1 else np.asarray(1 - (1 - u).prod(axis=-1))
         if self.problem.scale is None:
             return 1 - (left[..., 0] if left.shape[-1] == 1 else left.prod(axis=-1))

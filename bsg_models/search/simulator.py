@@ -28,6 +28,7 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
+from bsg_models.search.looks import miss_all
 from bsg_models.search.planners import ask_planner
 from bsg_models.search.plans import plan_tours
 
@@ -53,7 +54,8 @@ class Episodes:
 
     def missed(self, looks: Ints) -> Floats:
         """Return P(an instance that is there is missed) by some looks."""
-        return np.asarray(1 / (1 + looks * self.chance / (1 - self.chance)))
+        table = [miss_all([self.chance] * n) for n in range(int(looks.max(initial=0)) + 1)]
+        return np.array(table)[looks]
 
     @property
     def random_success(self) -> Floats:
@@ -232,7 +234,8 @@ class _Run:
         unexplored, again = episodes.rooms & (looks == 0), None
         presence, share = answer or (np.zeros((*looks.shape, episodes.artifacts.shape[1])),) * 2
         if episodes.luck is not None:
-            unexplored = np.broadcast_to(episodes.rooms, looks.shape)
+            # A look that finds all leaves nothing.
+            unexplored = episodes.rooms & (looks <= episodes.luck.shape[2])
             if robot.planner.reads == "none":
                 fewest = looks.min(axis=1, where=unexplored, initial=looks.max(), keepdims=True)
                 unexplored = unexplored & (looks == fewest)

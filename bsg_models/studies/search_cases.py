@@ -18,7 +18,7 @@ from bsg_models.search.room_graphs import (
 from bsg_models.search.simulator import Episodes
 from bsg_models.studies.search_request import StudyRecipe
 
-_LOOKS = 64  # in a room, that may miss; no search takes more
+_LOOKS = 4  # in a room, that may miss; the next one opens all, or some searches would never end
 _NOT_MEASURED = {
     "layout": "no room layout says which of their rooms connect",
     "geometry": "no mesh says which of their rooms connect",

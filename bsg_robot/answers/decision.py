@@ -22,12 +22,12 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import AnyPlanner, find_planner
 from bsg_models.search.knowledge import Task
-from bsg_models.search.looks import look_again
+from bsg_models.search.looks import look_again, miss_all, overlooked_at
 from bsg_models.search.planners import next_room_by
 from bsg_models.search.plans import plan_search, split_plan
 from bsg_models.search.problem import LEAST_FIND, SearchProblem, pose_search
 from bsg_models.zoo.building_tilt import untilt
-from bsg_robot.answers.missed_looks import Chances, shape_of
+from bsg_robot.answers.missed_looks import Chances
 from bsg_robot.answers.thing_belief import ThingBelief
 
 _LOOKS = 3  # into a place, that a plan may have; one if a look misses nothing
@@ -43,7 +43,7 @@ class Decision:
     Attributes:
         finds: `[L, N, A]` P(the first look into a place finds it; only the second does; …).
         scale: `[A]` Z, of the tilt of the building.
-        looked: `[N]` number of looks that missed one of the things there.
+        missed: `[N]` P(all looks miss what is there), of the thing with the most; 1 without a look.
         task: `single` or `all`.
         things: which of the things these are.
         is_known: whether all are known for sure, so that a robot only has to go there.
@@ -52,7 +52,7 @@ class Decision:
 
     finds: Floats
     scale: Floats
-    looked: Ints
+    missed: Floats
     task: Task
     things: tuple[int, ...]
     is_known: bool = False
@@ -124,9 +124,8 @@ def weigh(
     if not unknown.any():
         beside = sure[list(here)].any(axis=0)
         left = sure[:, ~beside] if not beside.all() else sure
-        none = np.zeros(nodes, dtype=np.int64)
         finds = left[None].astype(float)
-        return Decision(finds, np.ones(left.shape[1]), none, task, every, is_known=True)
+        return Decision(finds, np.ones(left.shape[1]), np.ones(nodes), task, every, is_known=True)
     finds = np.stack(
         [
             _find(one, chances, chance, unsure=task == "all")
@@ -145,11 +144,11 @@ def weigh(
     kept = near if near.any() else unknown
     things = tuple(np.flatnonzero(kept).tolist())
     scale = np.array([tilt_of(beliefs[thing]) for thing in things])
-    looked = np.zeros(nodes, dtype=np.int64)
+    missed = np.ones(nodes)
     for thing in things:
         for node, chances in looks[thing].items():
-            looked[node] = max(looked[node], len(chances.get(None, ())))
-    return Decision(reached[..., kept], scale, looked, task, things)
+            missed[node] = min(missed[node], miss_all(chances.get(None, ())))
+    return Decision(reached[..., kept], scale, missed, task, things)
 
 
 def tilt_of(belief: ThingBelief) -> float:
@@ -175,7 +174,9 @@ def found_by(
     before: tuple[float, ...], chance: float, *, piece: str | None = None
 ) -> tuple[float, ...]:
     """Return P(the first 1, 2, … looks find a thing that looks `before` have missed)."""
-    return look_again(before, chance, looks=1 if chance == 1 else _LOOKS, shape=shape_of(piece))
+    return look_again(
+        before, chance, looks=1 if chance == 1 else _LOOKS, overlooked=overlooked_at(piece)
+    )
 
 
 def choose_room(
@@ -191,7 +192,7 @@ def choose_room(
     """
     chosen, left = find_planner(planner), decision.left
     if chosen.reads == "none" and left.any():
-        left &= decision.looked == decision.looked[left].min()
+        left &= np.isclose(decision.missed, decision.missed[left].max())
     return next_room_by(
         costs,
         here=here,

@@ -142,7 +142,7 @@ def weigh_spots(
     )
     left, is_seen = rooms.left[nodes], sure > 0
     if rooms.is_known:
-        return replace(rooms, finds=(sure * left)[None, :, None], looked=np.zeros_like(nodes))
+        return replace(rooms, finds=(sure * left)[None, :, None], missed=np.ones(len(nodes)))
     found = np.array([found_by(spot.looked, chance, piece=spot.name) for spot in spots]).T
     by_then = [
         1 - (1 - sure * some) * (1 - share * belief.finds_unseen(some, nodes)) for some in found
@@ -150,15 +150,14 @@ def weigh_spots(
     finds = np.diff(by_then, axis=0, prepend=0.0).clip(min=0.0) * left
     # What was seen in two places is two things, which do not exclude each other.
     apart = nodes + is_seen * np.linspace(0.25, 0.75, len(nodes))
-    looked = np.array([len(spot.looked) for spot in spots])
-    return replace(rooms, finds=finds[:, :, None], looked=looked, rooms=apart)
+    return replace(rooms, finds=finds[:, :, None], missed=np.ones(len(nodes)), rooms=apart)
 
 
-def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways) -> Floats:
+def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways, *, said: bool) -> Floats:
     """Return the costs of going from place to place, `[M, M]`.
 
     Between rooms it is the cost between their middles, and how much farther apart the places are
-    than the middles. What was said of a way stays what it was.
+    than the middles; if ways were `said`, it stays what it was.
     """
     nodes = np.array([spot.node for spot in spots])
     rooms = [None, *(place_of(room) for room in graph.rooms)]
@@ -170,10 +169,10 @@ def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways) -> Flo
     ]
     apart, between = (measure_lines(np.array(one)) * ways.metre for one in (ends, middles))
     costs = ways.costs[nodes[:, None], nodes].copy()
-    known = np.isfinite(apart) & np.isfinite(between)
+    known = np.isfinite(apart) & np.isfinite(between) & (not said)
     costs[known] = (costs[known] + apart[known] - between[known]).clip(min=0.0)
     same = nodes[:, None] == nodes
     costs[same] = np.where(np.isfinite(apart), apart, _STEP * ways.metre)[same]
     np.fill_diagonal(costs, 0.0)
     # A way by another piece may be cheaper than the one by the middles.
-    return find_costs(costs) if len(costs) <= _MOST_CLOSED else costs
+    return find_costs(costs) if not said and len(costs) <= _MOST_CLOSED else costs

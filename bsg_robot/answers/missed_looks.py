@@ -21,7 +21,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
-from bsg_models.search.looks import PIECE, ROOM, miss_all
+from bsg_models.search.looks import miss_all, overlooked_at
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
@@ -80,12 +80,7 @@ def sum_chances(looks: Iterable[Look]) -> Chances:
 
 def missed_by(chances: Chances) -> dict[str | None, float]:
     """Return the piece of looks into a room, None for the whole room → P(all looks there miss)."""
-    return {at: miss_all(some, shape=shape_of(at)) for at, some in chances.items()}
-
-
-def shape_of(piece: str | None) -> float:
-    """Return how looks at a piece overlook alike, or into a whole room: see `miss_all`."""
-    return ROOM if piece is None else PIECE
+    return {at: miss_all(some, overlooked=overlooked_at(at)) for at, some in chances.items()}
 
 
 def doubt_objects(

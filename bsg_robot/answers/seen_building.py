@@ -399,7 +399,7 @@ class SeenBuilding(ToldBuilding):
         each = [looks[spot.node] if spot.piece is None else look_at for spot in spots]
         _, place_of_look, (plan,) = plan_looks(
             weigh_spots(spots, belief, rooms, chance=chance),
-            measure_spots(spots, self.graph, ways),
+            measure_spots(spots, self.graph, ways, said=costs is not None),
             np.array(each),
             here=[place],
         )
@@ -439,8 +439,11 @@ class SeenBuilding(ToldBuilding):
             Name → id of a room, `explore`, or None for a robot that is not needed, or can reach no
             room.
         """
-        if not robots:
-            raise RecipeError("robots: expected one or more, found none", code="robots-none")
+        if not isinstance(robots, Mapping) or not robots:
+            raise RecipeError(
+                f"robots: expected name → room of one or more, found {show_value(robots)}",
+                code="robots-none",
+            )
         search = _Search(costs, look, chance, task, budget, speed)
         plan = self._plan(things, [*robots.values()], search)
         return {
@@ -468,7 +471,7 @@ class SeenBuilding(ToldBuilding):
         """
         plan = self._plan(things, [here], _Search(costs, look, chance, task, budget, speed))
         (nodes,), (looks,) = plan.nodes, plan.looks
-        found, ended = plan.problem.found(looks), plan.problem.ended(looks)
+        found = plan.problem.found(looks)
         sought = [plan.beliefs[number].probability for number in plan.decision.things]
         likely = 1 - np.prod([1 - one for one in sought], axis=0)
         steps: list[Step] = []
@@ -482,7 +485,7 @@ class SeenBuilding(ToldBuilding):
                 probability=float(likely[node]),
                 way=way,
                 look=cost,
-                found=float(ended[number]),
+                found=float(found[number].prod()),
                 any_found=float(1 - (1 - found[number]).prod()),
                 seconds=None if speed is None else spent / plan.ways.metre / speed,
             )
@@ -538,6 +541,8 @@ class SeenBuilding(ToldBuilding):
         known, costs = self._measured, dict(costs) if isinstance(costs, Mapping) else costs
         if known is None or known[1] != costs or not _are_alike(known[0], self.graph):
             known = self._measured = self.graph, costs, measure_ways(self.graph, costs)
+            for part in (known[2].edges, known[2].costs):
+                part.flags.writeable = False  # others are answered by it, too
         return known[2]
 
     def _known_costs(self, here: str, costs: Costs | None) -> dict[int, float]:

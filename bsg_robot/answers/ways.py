@@ -27,6 +27,7 @@ CLOSED = "closed"  # instead of a cost
 Costs = Mapping[tuple[str, str], float]
 AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
 _MOST = 1e9
+_MOST_USUAL = 4 * USUAL_WAY
 Unit = Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
 
 
@@ -84,9 +85,13 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
 
 
 def _usual_way(measured: Floats, said: list[float]) -> float:
-    """Return the median of the ways that are measured, or else said; 1 if there are none."""
+    """Return the median of the ways that are measured, or else said; 1 if there are none.
+
+    Of metres, it is not more than several usual ways: one garage far away says little.
+    """
     some = measured if len(measured) else np.array(said)
-    return float(np.median(some)) if len(some) else 1.0
+    usual = float(np.quantile(some, 0.5, method="lower")) if len(some) else 1.0
+    return min(usual, _MOST_USUAL) if len(measured) else usual
 
 
 def _nearest(lines: Floats) -> Floats:
@@ -140,7 +145,7 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
             )
         what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
         one, other = (find(str(end)) for end in ends)
-        found[one, other] = read_number(what, cost, most=math.inf)
+        found[one, other] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
     return found
 
 

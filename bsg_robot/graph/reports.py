@@ -17,6 +17,7 @@ from bsg_models.belief.partial_graph import (
     PartialGraph,
     SeenObject,
 )
+from bsg_models.search.looks import miss_all, overlooked_at
 from bsg_robot.things.things import classify_seen
 
 _ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
@@ -117,18 +118,19 @@ def describe(
 def look(graph: PartialGraph, seen: Look) -> PartialGraph:
     """Return the partial graph after a look that did not find a thing.
 
-    Looks for the same thing at the same place become one, whose chance is that of all. Only a look
-    that misses nothing leaves nothing possible.
+    Looks for the same thing at the same place become one, whose chance is that of all
+    (`bsg_models.search.looks`: as good as keeping them). Only a look that misses nothing leaves
+    nothing possible.
     """
     same = (seen.room_index, seen.at, normalise_name(seen.thing))
-    missed, looks = 1 - seen.chance, []
+    looks, chances = [], [seen.chance]
     for one in graph.looks:
         if (one.room_index, one.at, normalise_name(one.thing)) == same:
-            missed *= 1 - one.chance
-            seen = replace(seen, chance=max(seen.chance, one.chance))
+            chances.append(one.chance)
         else:
             looks.append(one)
-    joined = replace(seen, chance=1.0 if seen.chance == 1 else min(1 - missed, _ALMOST))
+    found = 1 - miss_all(chances, overlooked=overlooked_at(seen.at))
+    joined = replace(seen, chance=1.0 if 1.0 in chances else min(found, _ALMOST))
     things = {seen.thing, *(one.thing for one in looks)}
     if len(looks) >= MAX_ROBOT_LOOKS or len(things) > MAX_ROBOT_SOUGHT:
         raise RecipeError(

@@ -3,9 +3,10 @@
     python scripts/measure/looks.py --out docs/results/figures.json
 
 A thing is in one of six rooms, at random places; the robot knows how likely each is, and plans anew
-after every look. Looks that *overlook alike* are those of `bsg_models.search.looks`. A plan with
-*each room once* takes looks as independent, and has no second one; *second looks* weighs them by
-the law that is true; *as if alike* by that of looks that overlook alike.
+after every look. Looks that *overlook alike* are those of `bsg_models.search.looks`; only searches
+count in which the thing is not overlooked for ever. A plan with *each room once* takes looks as
+independent, and has no second one; *second looks* weighs them by the law that is true; *as if
+alike* by that of looks that overlook alike.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from results import ResultsTable, write_figures
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.tables import format_text
+from bsg_models.search.looks import ROOM
 from bsg_models.search.plans import plan_search
 from bsg_models.search.problem import pose_search
 
@@ -59,14 +61,14 @@ def main(argv: list[str] | None = None) -> int:
 def measure(alike: bool, within: float, chance: float) -> list[str]:
     """Return a row: the same searches by each belief."""
 
-    def odds_add(looks: Floats) -> Floats:
-        return 1 / (1 + looks * chance / (1 - chance))
+    def overlook(looks: Floats) -> Floats:
+        return ROOM + (1 - ROOM) * (1 - chance / (1 - ROOM)) ** looks
 
     def apart(looks: Floats) -> Floats:
         return (1 - chance) ** looks
 
-    world = odds_add if alike else apart
-    beliefs = [Belief(apart, 1), Belief(world, LOOKS), Belief(odds_add, LOOKS)]
+    world = overlook if alike else apart
+    beliefs = [Belief(apart, 1), Belief(world, LOOKS), Belief(overlook, LOOKS)]
     once, *others = (search(belief, alike, within, chance) for belief in beliefs)
     cells = [f"{once.mean():.1f}"]
     for costs in others:
@@ -83,8 +85,7 @@ def search(belief: Belief, alike: bool, within: float, chance: float) -> Floats:
     ways = np.linalg.norm(places[:, :, None] - places[:, None], axis=3)
     look, likely = rng.uniform(3, 15, (SEARCHES, ROOMS)), rng.dirichlet([0.6] * ROOMS, SEARCHES)
     there = (likely.cumsum(axis=1) < rng.random((SEARCHES, 1))).sum(axis=1).clip(max=ROOMS - 1)
-    ease, luck = rng.exponential(size=SEARCHES), rng.random((SEARCHES, MOST))
-    misses = np.exp(-ease * chance / (1 - chance)) if alike else np.full(SEARCHES, 1 - chance)
+    luck, misses = rng.random((SEARCHES, MOST)), 1 - chance / (1 - ROOM) if alike else 1 - chance
     here, costs = np.zeros(SEARCHES, dtype=np.int64), np.zeros(SEARCHES)
     looks, going = np.zeros((SEARCHES, ROOMS)), np.ones(SEARCHES, dtype=bool)
     for turn in range(MOST):
@@ -95,7 +96,7 @@ def search(belief: Belief, alike: bool, within: float, chance: float) -> Floats:
         costs[some] += ways[some, here[some], room] + look[some, room]
         here[some] = room
         looks[some, room] += 1
-        going[some] = (there[some] != room) | (luck[some, turn] < misses[some])
+        going[some] = (there[some] != room) | (luck[some, turn] < misses)
     return costs
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import gamma
 
 from bsg_models.search.looks import PIECE, ROOM, look_again, metres_of_look, miss_all
 
@@ -24,16 +23,26 @@ def test_a_look_costs_more_in_a_larger_room_of_which_more_is_left() -> None:
 
 
 @given(CHANCES, st.sampled_from([ROOM, PIECE]))
-def test_places_are_seen_at_rates_that_are_spread_by_a_gamma(
-    chances: list[float], shape: float
+def test_a_share_of_the_places_is_overlooked_and_looks_are_independent_in_the_others(
+    chances: list[float], overlooked: float
 ) -> None:
-    """A look misses a place of rate λ with e^(−λ a), where a single one misses 1 − c."""
-    efforts = [(1 - c) ** (-1 / shape) - 1 for c in chances]
-    rates = gamma(shape)
-    alone = [rates.expect(lambda rate, a=a: np.exp(-rate * a), ub=60) for a in efforts]
-    assert alone == pytest.approx([1 - c for c in chances], abs=1e-3)
-    total = rates.expect(lambda rate: np.exp(-rate * sum(efforts)), ub=60)
-    assert miss_all(chances, shape=shape) == pytest.approx(total, abs=1e-3)
+    """By drawing nothing: the mean over both kinds of places, each look alone being right."""
+    missed = miss_all(chances, overlooked=overlooked)
+    for chance in chances:
+        assert miss_all([chance], overlooked=overlooked) == pytest.approx(1 - chance)
+    assert missed == pytest.approx(miss_all(reversed(chances), overlooked=overlooked))
+    surest = max(chances, default=0.0)
+    assert min(overlooked, 1 - surest) - 1e-9 <= missed <= 1 - surest + 1e-9
+    if surest < 1 - overlooked:
+        others = math.prod((1 - c - overlooked) / (1 - overlooked) for c in chances)
+        assert missed == pytest.approx(overlooked + (1 - overlooked) * others)
+
+
+@given(CHANCES)
+def test_looks_may_be_kept_as_one(chances: list[float]) -> None:
+    for number in range(len(chances)):
+        joined = 1 - miss_all(chances[:number])
+        assert miss_all([joined, *chances[number:]]) == pytest.approx(miss_all(chances), abs=1e-9)
 
 
 @given(CHANCES, st.floats(0.01, 0.99))
@@ -42,13 +51,14 @@ def test_a_further_look_finds_less_than_the_one_before_and_looks_follow_each_oth
 ) -> None:
     found = look_again(tuple(before), chance, looks=4)
     first = [found[0], *(b - a for a, b in pairwise(found))]
-    assert first == sorted(first, reverse=True)
-    then = look_again((*before, chance), chance, looks=3)
-    assert found[3] == pytest.approx(1 - (1 - found[0]) * (1 - then[2]))
+    assert all(b <= a + 1e-9 for a, b in pairwise(first))
     assert miss_all(before) * (1 - found[0]) == pytest.approx(miss_all([*before, chance]))
+    then = look_again((*before, chance), chance, looks=3)
+    assert 1 - found[3] == pytest.approx((1 - found[0]) * (1 - then[2]))
 
 
 def test_a_look_that_misses_nothing_leaves_nothing() -> None:
     assert miss_all([1.0]) == miss_all([0.3, 1.0]) == 0.0
+    assert miss_all([]) == 1.0
     assert look_again((1.0,), 0.8, looks=2) == (0.0, 0.0)
     assert look_again((), 1.0, looks=1) == (1.0,)

@@ -117,18 +117,22 @@ class Law:
         )
 
 
+def overlook(chance: float, looks: int) -> float:
+    """Return P(looks into a room all miss a thing there): .12 of its places are overlooked."""
+    if not looks or chance < 0.88:
+        return 0.12 + 0.88 * (1 - chance / 0.88) ** looks
+    return 1 - chance
+
+
 def law_of(case: Case, thing: int, most: int) -> Law:
-    """Return the law of a thing: looks overlook alike, as their odds add; rooms share a tilt."""
+    """Return the law of a thing: looks overlook alike; rooms share a tilt."""
     none, there = [], []
     for room in range(1, len(case.rates)):
         rate, so_far = float(case.rates[room, thing]), case.missed[thing][room]
         scores = [s for s in case.scores[room][thing] if case.task == "single" or s < 1]
         here = []
         for n in range(most + 1):
-            finds = float(n > 0)
-            if case.chance < 1:
-                odds = case.chance / (1 - case.chance)
-                finds = 1 - (1 + so_far * odds) / (1 + (so_far + n) * odds)
+            finds = 1 - overlook(case.chance, so_far + n) / overlook(case.chance, so_far)
             here.append(math.exp(-rate * finds) * math.prod(1 - finds * s for s in scores))
         none.append(here)
         every = math.prod(1 - s for s in case.scores[room][thing])
@@ -266,7 +270,8 @@ def test_robots_that_search_together_do_as_well_as_the_best_of_all_plans(
     for seed in range(25):
         case = sample(seed, rooms=rooms, robots=robots)
         nothing = [[[] for _ in things] for things in case.scores]
-        case = replace(case, task="single", rates=case.rates + 0.05, scores=nothing)
+        none = [[0] * len(case.rates) for _ in case.missed]
+        case = replace(case, task="single", rates=case.rates + 0.05, scores=nothing, missed=none)
         best = best_times(case)
         above.append(best[tuple(case.firsts())] / min(best.values()) - 1)
     assert max(above) < 1e-6

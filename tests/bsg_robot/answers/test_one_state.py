@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from bsg_cli.belief import main as belief_command
 from bsg_models import Predictor
 from bsg_models.belief.partial_graph import PartialGraph
+from bsg_models.search.looks import miss_all
 from bsg_robot import SeenBuilding, open_graph
 from bsg_robot.answers.words import set_hidden_shares
 from bsg_robot.graph.formats import write_belief
@@ -144,3 +145,24 @@ def test_an_option_of_the_command_says_what_a_file_says(share: str) -> None:
         return found
 
     assert places(said, "--hidden-share", share) == places(in_file) != places(said)
+
+
+def test_looks_say_the_same_however_they_are_reported() -> None:
+    """One by one, in a map, saved in between, or as another word: by the law of looks."""
+    home = {"kitchen": ["sink"], "hall": [], "more_rooms": 0}
+    looks = [{"room": "kitchen", "thing": "mug", "chance": chance} for chance in (0.8, 0.8, 0.5)]
+    told, words = open_graph(home), open_graph(home)
+    for look, word in zip(looks, ("mug", "mugs", "mug"), strict=True):
+        told.looked("kitchen", "mug", chance=look["chance"])
+        words.looked("kitchen", word, chance=look["chance"])
+    before = open_graph(home).where("mug")[0].probability
+    missed = miss_all([0.8, 0.8, 0.5])
+    rooms = [{"id": "kitchen", "visited": False}, {"id": "hall", "visited": False}]
+    sink = [{"id": "sink 1", "room": "kitchen", "category": "sink"}]
+    as_map = {"rooms": rooms, "objects": sink, "looks": looks, "more_rooms": 0}
+    for seen in (told, words, open_graph(as_map)):
+        (kitchen,) = (one for one in seen.where("mug") if one.room == "kitchen")
+        assert kitchen.probability == pytest.approx(
+            before * missed / (1 - before + before * missed), rel=0.1
+        )
+        assert kitchen.probability == pytest.approx(told.where("mug")[0].probability, rel=1e-6)
