@@ -26,13 +26,11 @@ from bsg_models.search.looks import look_again, miss_all, overlooked_at
 from bsg_models.search.planners import next_room_by
 from bsg_models.search.plans import plan_search, split_plan
 from bsg_models.search.problem import LEAST_FIND, SearchProblem, pose_search
-from bsg_models.zoo.building_tilt import untilt
 from bsg_robot.answers.missed_looks import Chances
 from bsg_robot.answers.thing_belief import ThingBelief
 
 _LOOKS = 3  # into a place, that a plan may have; one if a look misses nothing
 _NOTHING = 1e-12  # a smaller probability is rounding
-_LEAST_SCALE = 1e-3  # at 0, rooms exclude each other; so they nearly do
 _LEAST_REACHED = 0.1  # share of P(a look anywhere finds a thing)
 
 
@@ -143,19 +141,12 @@ def weigh(
     near = unknown & (left >= _LEAST_REACHED * anywhere)
     kept = near if near.any() else unknown
     things = tuple(np.flatnonzero(kept).tolist())
-    scale = np.array([tilt_of(beliefs[thing]) for thing in things])
+    scale = np.array([beliefs[thing].tilt for thing in things])
     missed = np.ones(nodes)
     for thing in things:
         for node, chances in looks[thing].items():
             missed[node] = min(missed[node], miss_all(chances.get(None, ())))
     return Decision(reached[..., kept], scale, missed, task, things)
-
-
-def tilt_of(belief: ThingBelief) -> float:
-    """Return Z of the law of a thing: see `bsg_models.search.problem`."""
-    rooms, whole = belief.probability[1:], belief.probability[:1]
-    whole = whole.clip(rooms.max(initial=0.0), max(rooms.sum(), 0.0))
-    return max(_LEAST_SCALE, float(untilt(rooms[:, None], whole)[0])) if len(rooms) else 1.0
 
 
 def _find(

@@ -18,6 +18,7 @@ from bsg_robot.answers.nouns import Noun, NounTable
 from bsg_robot.answers.unknown_rooms import Apart, log_odds
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
+_LEAST_TILT = 1e-3  # at 0, rooms exclude each other; so they nearly do
 _ROUNDS = 2  # in which the building's mean follows its rooms'
 SHARE_OF_KIND = 0.5  # of shoes that are running shoes, and the like
 
@@ -58,6 +59,15 @@ class ThingBelief:
         seen = [obj for objects in self.seen for obj in objects]
         here[0] = max(1 - self.none * _miss(seen, 1.0), here[1:].max(initial=0.0))
         return here
+
+    @cached_property
+    def tilt(self) -> float:
+        """Z of the law of a search: see `bsg_models.search.problem`."""
+        rooms, whole = self.probability[1:], self.probability[:1]
+        if not len(rooms):
+            return 1.0
+        whole = whole.clip(rooms.max(), rooms.sum())
+        return max(_LEAST_TILT, float(untilt(rooms[:, None], whole)[0]))
 
     @cached_property
     def expected(self) -> Floats:
