@@ -1,4 +1,4 @@
-from .answers.place import EXPLORE, ExpectedClass, Place, RoomKind, Step
+from .answers.place import EXPLORE, ExpectedClass, Habit, Place, RoomKind, Step
 from .answers.seen_building import SeenBuilding, open_graph
 from .answers.ways import Ways
 from .answers.words import Meaning, set_hidden_shares
@@ -15,6 +15,7 @@ __all__ = [
     "BeliefFileError",
     "ExpectedClass",
     "FormatRow",
+    "Habit",
     "HydraError",
     "Meaning",
     "Place",

@@ -22,6 +22,7 @@ MAX_ROBOT_PAIRS = 100_000  # of connected rooms; 3,000 rooms of a building have 
 MAX_ROBOT_TYPES = 150_000  # labels of the types of all rooms; a classifier has 60 to 400
 MAX_ROBOT_KINDS = 5_000  # different ones of these
 MAX_UNREAD = 1_000  # words of a room's type that nobody could read; a type has so many labels
+MAX_ROBOT_CUSTOMS = 1_000  # that people said
 MAX_ROBOT_LOOKS = 2_000  # that found nothing
 MAX_ROBOT_SOUGHT = 100  # different things of these looks: each is compared with all that was seen
 MAX_CORNERS = 256  # of a footprint

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, lru_cache
 from numbers import Real
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -26,7 +26,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from bsg_data.arrays import Bools, Counts, Ints
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import count_cells, find_columns, to_histograms
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_CORNERS, MAX_UNREAD
@@ -40,6 +40,7 @@ from bsg_data.scene.room_label import Origin, RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, find_floor_area
 from bsg_data.words.shown import show_value
+from bsg_models.belief.clock import HOUR, Time
 from bsg_models.belief.hidden_share import ShareBelief
 
 MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
@@ -147,6 +148,8 @@ class SeenObject:
         score: P(it is there now), of a detector or of what has happened since; None if nobody
             doubts it.
         on: id of the object on or in which it lies; None if unknown.
+        time: when it was seen there; None if nobody says: then it stays there.
+        stays: hours after which half of such things are elsewhere; None for the usual.
     """
 
     name: Annotated[Id, Field(alias="id")]
@@ -157,6 +160,8 @@ class SeenObject:
     position: Position | None = None
     score: Score | None = None
     on: Id | None = None
+    time: Time | None = None
+    stays: Stay | None = None
 
     @property
     def probability(self) -> float:
@@ -188,6 +193,7 @@ class KnownRoom:
             if unknown.
         hidden_share_sd: standard deviation of the hidden share; 0 if it is certain.
         unread: words for its type that nobody could read; they say nothing.
+        time: when so much of it was seen; None if nobody says.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -204,6 +210,7 @@ class KnownRoom:
     room_type: Annotated[RoomType | None, PlainValidator(check_room_type)] = None
     hidden_share_sd: StrictFraction = 0.0
     unread: Unread = ()
+    time: Time | None = None
 
     @property
     def share(self) -> ShareBelief:
@@ -233,12 +240,54 @@ class Look:
         thing: what was looked for, in the robot's word.
         chance: P(the look would have found it, if one is there).
         at: id of the object that was searched, such as a table; None for the whole room.
+        time: of the look; None if nobody says.
     """
 
     room_index: int
     thing: Text
     chance: Score
     at: Id | None = None
+    time: Time | None = None
+
+
+class Sighting(NamedTuple):
+    """Where a thing was seen once."""
+
+    time: float
+    room_index: int
+    on: str | None  # id of the object on which it lay
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """Where one thing was seen before it was where it is now.
+
+    Attributes:
+        name: its id; no object of the graph has it if nobody knows where it is now.
+        raw_category: its name in the source.
+        sightings: the latest is the last.
+    """
+
+    name: str
+    raw_category: str
+    sightings: tuple[Sighting, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Custom:
+    """Where people say that a thing belongs, or never is.
+
+    Attributes:
+        thing: it, or a group of things such as drinks, in any word.
+        room_index: 1..R; None for any room.
+        at: id of a piece of furniture, or its word; None for the whole room.
+        never: whether it is never there.
+    """
+
+    thing: str
+    room_index: int | None
+    at: str | None = None
+    never: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,7 +314,10 @@ class PartialGraph:
             each place and thing, with the chance of all of them together.
         more_rooms: number of rooms that are not found yet; True for as many as homes have; None if
             nobody says: then none are expected.
-        stays: hours after which half of the things are elsewhere; None if unknown.
+        stays: hours after which half of the things are elsewhere; None: it depends on the thing.
+        now: the time; None without a clock: then nothing gets older.
+        memory: where things were seen before.
+        customs: where people say that things belong.
         room_labels: the user's words for rooms, each with its label; None for no kind of room.
         unread: words for the kind of building that nobody could read; they say nothing.
         origins: id of a room → what its type was read from; `""` → the kind of building.
@@ -283,6 +335,9 @@ class PartialGraph:
     looks: tuple[Look, ...] = ()
     more_rooms: int | None = None
     stays: float | None = None
+    now: float | None = None
+    memory: tuple[Remembered, ...] = ()
+    customs: tuple[Custom, ...] = ()
     room_labels: tuple[tuple[str, str | None], ...] = ()
     unread: tuple[str, ...] = ()
     origins: Mapping[str, tuple[Origin, ...]] = field(default_factory=dict, compare=False)
@@ -312,6 +367,22 @@ class PartialGraph:
         if not before:
             return after / len(shares) if after else self.hidden_share
         return min(1.0, self.hidden_share * after / before)
+
+    def hidden_now(self, stays: Floats) -> Floats:
+        """Return the share of the things of each room that the robot has not seen, `[..., R]`.
+
+        What it saw of a room hides nothing that stays; of things that move, 2^(−age / stays) are
+        still the same.
+
+        Args:
+            stays: hours after which half of some things are elsewhere, `[...]`.
+        """
+        hidden = np.array([room.hidden_share for room in self.rooms])
+        if self.now is None:
+            return np.broadcast_to(hidden, (*stays.shape, len(hidden)))
+        times = [self.now if room.time is None else room.time for room in self.rooms]
+        hours = (self.now - np.array(times, dtype=np.float64)).clip(min=0) / HOUR
+        return np.asarray(1 - (1 - hidden) * 2.0 ** (-hours / stays[..., None]))
 
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""

@@ -24,9 +24,11 @@ from bsg_robot.answers.words import (
     require_word,
     tell_apart,
 )
+from bsg_robot.things.things import Thing, find_group, find_thing
 from bsg_robot.things.uses import find_use, move_thing
 
 THINGS = "things-v1"  # the table of everyday things, where it answers
+_STAYS = 48.0  # hours, of a thing that no table has
 _MOST = 1000  # words that are remembered
 
 
@@ -124,6 +126,25 @@ class Dictionary:
         is_kind = nouns is not None and nouns.knows(others)  # else a brand
         kind = frozenset(others if is_kind else uses)
         return replace(found, word=word, thing=thing, how=how, told=told, kind=kind)
+
+    def thing_of(self, meaning: Meaning) -> Thing | None:
+        """Return the row of the table of things for a meaning."""
+        return meaning.thing or find_thing(meaning.class_name or "")
+
+    def stays(self, meaning: Meaning | None) -> float:
+        """Return the hours after which half of such things are elsewhere."""
+        thing = None if meaning is None else self.thing_of(meaning)
+        return _STAYS if thing is None else thing.stays
+
+    def group(self, word: str) -> str | None:
+        """Return the group of things that a thing is of; None if no table says it."""
+        meaning = self.look_up(word)
+        thing = None if meaning is None else self.thing_of(meaning)
+        return None if thing is None else thing.group
+
+    def is_of(self, group: str) -> Callable[[str], bool]:
+        """Return whether a word names a group of things, or one of them."""
+        return lambda word: (find_group(word) or self.group(word)) == group
 
     def names(self, meaning: Meaning) -> Callable[[str], bool]:
         """Return whether a robot's word for an object names a thing of this meaning."""

@@ -5,9 +5,10 @@ rule. Of an object with the score s, looks that all miss it with the probability
 
     s m / (1 − s + s m)
 
-An object that nobody doubted counts as s = 0.8 then: things are moved, and sightings err. Looks at
-furniture doubt what is on it; of a thing in the room, on nobody knows what, they miss the other
-pieces (`bsg_robot.things.pieces`).
+What was seen or looked for some time ago counts less: things move
+(`bsg_robot.answers.habits`). An object that nobody doubted counts as s = 0.8 then: things are
+moved, and sightings err. Looks at furniture doubt what is on it; of a thing in the room, on nobody
+knows what, they miss the other pieces (`bsg_robot.things.pieces`).
 """
 
 from __future__ import annotations
@@ -88,13 +89,15 @@ def doubt_objects(
     looks: Sequence[MissedLook],
     *,
     names: Callable[[Meaning], Callable[[str], bool]],
+    stayed: Callable[[SeenObject], float],
 ) -> PartialGraph:
-    """Return the graph with the scores that looks leave; what cannot be there is left out.
+    """Return the graph with the scores that time and looks leave; what cannot be there is left out.
 
     Args:
         graph: as the robot said it.
         looks: that missed.
         names: meaning → whether a robot's word for an object names such a thing.
+        stayed: object → P(it is still where it was seen).
     """
     looked, inside = defaultdict(list), defaultdict(list)
     for one in looks:
@@ -108,9 +111,12 @@ def doubt_objects(
     objects = []
     for obj in graph.objects:
         missed = miss[obj.room_index](obj) if obj.room_index in miss else 1.0
+        still = stayed(obj)
         if missed < 1:
-            before = _TRUSTED if obj.probability == 1 else obj.probability
+            before = still * (_TRUSTED if obj.probability == 1 else obj.probability)
             obj = replace(obj, score=before * missed / (1 - before + before * missed))
+        elif still < 1:
+            obj = replace(obj, score=still * obj.probability)
         if obj.probability > 0:
             objects.append(obj)
     return replace(graph, objects=tuple(objects))

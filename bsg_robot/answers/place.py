@@ -45,6 +45,18 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
+class Habit:
+    """A place where things of a kind usually are in this home."""
+
+    room: str | None  # its id; None: anywhere, as in homes that nobody knows
+    piece: str | None  # id of a piece of furniture; None if nobody said on what
+    share: float  # P(one that was moved is there now, by its habits)
+    sightings: int  # of such things there
+    last: str | float | None  # time of the last one: a date, or seconds
+    told: bool  # whether people said that they are kept there
+
+
+@dataclass(frozen=True, slots=True)
 class RoomKind:
     """A kind that a room may be of."""
 

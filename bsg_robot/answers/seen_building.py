@@ -51,6 +51,7 @@ from bsg_robot.answers.place import (
     NOT_FOUND,
     Destination,
     ExpectedClass,
+    Habit,
     Piece,
     Place,
     RoomKind,
@@ -152,9 +153,9 @@ class SeenBuilding(ToldBuilding):
     """What a robot has seen of one building; the robot reports to it and asks it.
 
     Reports change this object: `saw`, `gone`, `looked`, `entered`, `searched`, `discovered`,
-    `describe` and `more_rooms`. Questions do not: `where`, `anywhere`, `expected`, `kinds`,
-    `next_room`, `next_rooms`, `explain` and `belief`. The state is one immutable `PartialGraph`.
-    Keep `graph`, or a `copy`, to ask what-if questions.
+    `describe`, `more_rooms`, `passes`, `keeps`, `never` and `forget`. Questions do not: `where`,
+    `anywhere`, `habits`, `expected`, `kinds`, `next_room`, `next_rooms`, `explain` and `belief`.
+    The state is one immutable `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
 
     A thing is any word. A room is its id, or its label if no other room has it. A word that means
     no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
@@ -266,6 +267,15 @@ class SeenBuilding(ToldBuilding):
         It is never below that of the likeliest room.
         """
         return float(self._now.seek(thing).belief.probability[0])
+
+    @alone
+    def habits(self, thing: str) -> tuple[Habit, ...]:
+        """Return what this home has taught of where a thing usually is, the likeliest first.
+
+        The last has no room: it is the weight of what is known of all homes. A place without
+        sightings that nobody told is one of other things of its group, such as drinks.
+        """
+        return self._now.home.list_habits(self._now.seek(thing).meaning)
 
     @alone
     def kinds(self, room: str) -> tuple[RoomKind, ...]:

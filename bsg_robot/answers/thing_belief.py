@@ -14,6 +14,7 @@ from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import SeenObject
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
+from bsg_robot.answers.habits import Usual
 from bsg_robot.answers.nouns import Noun, NounTable
 from bsg_robot.answers.unknown_rooms import Apart, log_odds
 
@@ -247,6 +248,29 @@ def believe_kind(
     rate = np.minimum(np.sqrt(rates[0] * rates[1]), rates[0])
     counts = poisson(rate)
     return counts, max(_none_of_rooms(counts), 1 - float(counted.presence[0, 0]))
+
+
+def believe_usual(
+    counts: CountDistribution, none: float, usual: Usual, *, is_class: bool
+) -> tuple[CountDistribution, float]:
+    """Return the hidden counts that this home has taught, and P(the building hides none).
+
+    Args:
+        counts: of N nodes without what it has taught.
+        none: P(the building hides none), without it.
+        usual: where such things usually are.
+        is_class: whether a model counts them: then numbers keep their distribution.
+    """
+    before = 1 - counts.presence[:, 0]
+    alone = before[1:].prod()
+    # What is known of the building beside its rooms stays.
+    whole = float(usual.none[0] * min(1.0, max(none, _LEAST) / max(alone, _LEAST)))
+    if is_class:
+        odds = log_odds(usual.none) - log_odds(before)
+        odds[0] = log_odds(np.array(whole)) - log_odds(before[:1])[0]
+        factor = np.where(counts.presence > 0, odds[:, None], 0.0)
+        return counts.with_none_likelier(factor), whole
+    return poisson(-np.log(usual.none.clip(min=_LEAST))[:, None]), whole
 
 
 def _none_of_rooms(counts: CountDistribution) -> float:

@@ -6,22 +6,27 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
+from datetime import datetime
 from functools import wraps
 from itertools import count
 from threading import RLock
+from time import time as clock
 from typing import Concatenate, ParamSpec, TypeVar
 
 from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
+from bsg_data.inputs.bounds import MAX_ROBOT_CUSTOMS
 from bsg_data.records import read_number
 from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
 from bsg_data.words.shown import SHOWN, show_value
+from bsg_models.belief.clock import HOUR, read_time, show_time
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
+    Custom,
     KnownRoom,
     Look,
     PartialGraph,
@@ -37,13 +42,13 @@ from bsg_robot.answers.notes import note_graph
 from bsg_robot.answers.place import EXPLORE
 from bsg_robot.answers.weighed_graph import WeighedGraph
 from bsg_robot.answers.words import find_room, require_word
-from bsg_robot.graph import reports
-from bsg_robot.graph.reports import say_score
+from bsg_robot.graph import memory, reports
 from bsg_robot.graph.robot_json import list_unmapped, room_reader, understand_rooms
 from bsg_robot.things.pieces import kind_of
-from bsg_robot.things.things import classify_seen, find_receptacle
+from bsg_robot.things.things import classify_seen, find_group, find_receptacle
 
-_MOST_HOURS = 1e9
+_MOST_HOURS = 1e6
+AnyTime = float | str | datetime  # seconds, or ISO 8601 with a zone
 _LISTED = 8  # objects in an error
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -141,6 +146,7 @@ class ToldBuilding:
         object_id: str | None = None,
         position: tuple[float, float, float] | None = None,
         score: float | None = None,
+        time: AnyTime | None = None,
         age: float | None = None,
         stays: float | None = None,
         within: float = 0.5,
@@ -155,10 +161,13 @@ class ToldBuilding:
             object_id: a known id moves the object instead of adding one.
             position: metres, Z up.
             score: P(it is there now), such as a detector's score; None if nobody doubts it.
-            age: instead of the score, hours since it was seen; needs `stays`.
-            stays: hours after which half of such things are elsewhere; None for the graph's.
-            within: without an id, a known object of the same class in the room that is this near,
-                in metres, is the same object. 0 keeps all apart; ∞ takes any in the room.
+            time: when it was seen: seconds, or ISO 8601 with a zone; None for now.
+            age: instead of the time, hours since it was seen.
+            stays: hours after which half of such things are elsewhere; None for the usual.
+            within: without an id, a known object of the same class in the room is the same object,
+                but for two whose positions are farther apart than this, in metres. 0 keeps all
+                apart. With a clock, one that is gone, or is probably no longer where it was, is the
+                same, too.
             besides: ids of objects that it is not, such as others that were seen with it.
             on: id of the object on or in which it lies, or its word if the room has one such.
 
@@ -170,23 +179,20 @@ class ToldBuilding:
         index = 0 if room is None else find_room(self.graph, room)
         within = read_number("saw: within", within, most=math.inf)
         where = f"saw {thing[:SHOWN]!r}"
-        score = self._score(where, score, age=age, stays=stays)
+        score = None if score is None else read_number(f"{where}: score", score, most=1.0)
+        graph, time = self._tell_time(where, time, age)
         known = classify_seen(thing, self._words.own.class_map)
         facts = (index, thing, known.category, known.class_index, position, score)
-        before = {obj.name: obj for obj in self.graph.objects}.get(object_id or "")
+        before = {obj.name: obj for obj in graph.objects}.get(object_id or "")
         piece = None if on is None else self._find_piece(on, index).name
         if on is None and before is not None and before.room_index == index:
             piece = before.on  # who sees it again need not say it again
-        seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
-        near = None
-        if object_id is None:
+        name = object_id or self._name_object()
+        seen = check_report(SeenObject(name, *facts, on=piece, time=time, stays=stays))
+        if object_id is None and within:
             others = [*map(spell_id, besides)]
-            near = reports.find_near(self.graph, seen, within=within, besides=others)
-        if near is not None:
-            likelier = max(seen.probability, near.probability)
-            score = None if score is None or near.score is None else likelier
-            seen = replace(seen, name=near.name, score=score, on=seen.on or near.on)
-        graph = reports.see_object(self.graph, seen)
+            seen = self._recognise(graph, seen, within=within, besides=others)
+        graph = reports.see_object(graph, seen)
         if reports.is_on_itself(graph, seen):
             raise RecipeError(
                 f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "
@@ -197,31 +203,60 @@ class ToldBuilding:
         self._change(self._forget_looks(graph, seen) if seen.is_evidence else graph)
         return seen.name
 
-    def _score(
-        self, where: str, score: float | None, *, age: float | None, stays: float | None
-    ) -> float | None:
-        """Return the score of a sighting, as it is said or by its age."""
+    def _tell_time(
+        self, where: str, time: AnyTime | None, age: float | None = None
+    ) -> tuple[PartialGraph, float | None]:
+        """Return the graph at the time of a report, and that time; None without a clock."""
         if age is not None:
             age = read_number(f"{where}: age", age, most=_MOST_HOURS)
-        if stays is not None and not read_number(f"{where}: stays", stays, most=_MOST_HOURS):
-            raise RecipeError(f"{where}: stays: expected above 0 hours, found 0", code="stays-zero")
-        if score is not None:
-            score = read_number(f"{where}: score", score, most=1.0)
-        if stays is not None and age is None:
+        said = None if time is None else self._read_time(where, time)
+        said = memory.say_time(where, said, age=age, now=self.graph.now)
+        if said is None:
+            return self.graph, self.graph.now
+        # Ages of a graph without a clock count from 0.
+        graph = self.graph if age is None else memory.tell_time(self.graph, self.graph.now or 0.0)
+        return memory.tell_time(graph, said), said
+
+    def _read_time(self, where: str, time: object) -> float:
+        try:
+            return read_time(time)
+        except ValueError as error:
             raise RecipeError(
-                f"{where}: has stays; say also its age", code="age-unsaid", where=where
-            )
-        return say_score(where, score, age=age, stays=stays or self.graph.stays)
+                f"{where}: time: {error}", code="time-impossible", where=where
+            ) from None
+
+    def _recognise(
+        self, graph: PartialGraph, seen: SeenObject, *, within: float, besides: Collection[str]
+    ) -> SeenObject:
+        """Return a sighting without an id as one of a known object, if it is one.
+
+        Detections of one object err alike: together they are as sure as the surest.
+        """
+        near = reports.find_near(graph, seen, within=within, besides=besides)
+        if near is not None:
+            before = self._now.still_there(near, graph.now)
+            score = None if seen.score is None else max(seen.score, before)
+            score = None if score == 1 and near.score is None else score
+            return replace(seen, name=near.name, score=score, on=seen.on or near.on)
+        if graph.now is None:
+            return seen
+        moved = reports.find_moved(
+            graph, seen, at=lambda obj: self._now.still_there(obj, graph.now), besides=besides
+        )
+        return seen if moved is None else replace(seen, name=moved)
 
     def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
         """Return a graph without the looks for a thing that is there, after all."""
-        missed = [
-            one.look
-            for one in self._now.looks
-            if one.look.room_index == seen.room_index
-            and self._words.names(one.meaning)(seen.raw_category)
-        ]
-        return replace(graph, looks=tuple(one for one in graph.looks if one not in missed))
+        return replace(
+            graph,
+            looks=tuple(
+                one
+                for one in graph.looks
+                if one.room_index != seen.room_index
+                or (meaning := self._words.look_up(one.thing)) is None
+                or not self._words.names(meaning)(seen.raw_category)
+            ),
+        )
 
     def _name_object(self) -> str:
         """Return an id that no object has, and none had that is gone."""
@@ -231,8 +266,12 @@ class ToldBuilding:
         return f"saw {self._named}"
 
     @alone
-    def gone(self, object_id: str) -> None:
+    def gone(self, object_id: str, *, time: AnyTime | None = None) -> None:
         """Report that a known object is no longer there.
+
+        Args:
+            object_id: its id.
+            time: of the report; None for now.
 
         Raises:
             RecipeError: if there is no such object.
@@ -246,11 +285,18 @@ class ToldBuilding:
                 code="object-unknown",
                 where=str(object_id),
             )
-        self._change(reports.lose(self.graph, [object_id]))
+        graph, _ = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
+        self._change(reports.lose(graph, [object_id]))
 
     @alone
     def looked(
-        self, room: str, thing: str, *, chance: float = LOOK_CHANCE, at: str | None = None
+        self,
+        room: str,
+        thing: str,
+        *,
+        chance: float = LOOK_CHANCE,
+        at: str | None = None,
+        time: AnyTime | None = None,
     ) -> None:
         """Report a look for one thing in a room that did not find it.
 
@@ -264,12 +310,13 @@ class ToldBuilding:
             chance: P(the look would have found it, if one is there).
             at: id of the piece of furniture that was searched, or its word if the room has one
                 such; None for the whole room.
+            time: of the look; None for now.
 
         Raises:
-            RecipeError: for a room, a word or a chance that cannot be.
+            RecipeError: for a room, a word, a chance or a time that cannot be.
         """
         index = find_room(self.graph, room)
-        self._words.understand(thing)
+        stays = self._words.stays(self._words.understand(thing))
         piece = None if at is None else self._find_piece(at, index)
         if piece is not None and kind_of(piece) is None:
             raise RecipeError(
@@ -279,8 +326,9 @@ class ToldBuilding:
                 where=piece.name,
             )
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
-        look = Look(index, thing, chance, None if piece is None else piece.name)
-        self._change(reports.look(self.graph, look))
+        graph, time = self._tell_time(f"looked for {thing[:SHOWN]!r}", time)
+        look = Look(index, thing, chance, None if piece is None else piece.name, time)
+        self._change(reports.look(graph, look, stays=graph.stays or stays))
 
     def _find_piece(self, said: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""
@@ -312,6 +360,7 @@ class ToldBuilding:
         floor_in_view: float | None = None,
         walls_in_view: float | None = None,
         seconds_inside: float | None = None,
+        time: AnyTime | None = None,
     ) -> None:
         """Report that the robot is in a room, or has looked at more of it.
 
@@ -323,6 +372,7 @@ class ToldBuilding:
             floor_in_view: share of the floor that the camera has had in view.
             walls_in_view: share of the walls that the camera has had in view.
             seconds_inside: how long the robot has looked around in the room.
+            time: of the report; None for now.
 
         Raises:
             RecipeError: also if a share is not 0 to 1, or both `hidden_share` and another argument
@@ -345,23 +395,32 @@ class ToldBuilding:
             )
         elif hidden_share is not None and not isinstance(hidden_share, ShareBelief):
             hidden_share = ShareBelief(hidden_share)
-        self._change(reports.enter(self.graph, index, hidden_share=hidden_share))
+        graph, time = self._tell_time(f"entered {room[:SHOWN]!r}", time)
+        self._change(reports.enter(graph, index, hidden_share=hidden_share, time=time))
 
     @alone
-    def searched(self, room: str, *, found: Collection[str] | str | None = None) -> None:
+    def searched(
+        self,
+        room: str,
+        *,
+        found: Collection[str] | str | None = None,
+        time: AnyTime | None = None,
+    ) -> None:
         """Report that everything in a room was seen and reported by `saw`.
 
         Args:
             room: id or label.
             found: which of the known objects there were found again, by id or by any word; those
                 that were not are gone. None keeps all.
+            time: of the report; None for now.
 
         Raises:
             RecipeError: if there is no such room, or it had no such object.
         """
         index = find_room(self.graph, room)
+        graph, time = self._tell_time(f"searched {room[:SHOWN]!r}", time)
         if found is None:
-            self._change(reports.enter(self.graph, index, hidden_share=ShareBelief(0.0)))
+            self._change(reports.enter(graph, index, hidden_share=ShareBelief(0.0), time=time))
             return
         if not isinstance(found, Collection):
             raise RecipeError(
@@ -372,7 +431,7 @@ class ToldBuilding:
         known = [obj for obj in self.graph.objects if obj.room_index == index]
         words = [found] if isinstance(found, str) else found
         kept = {name for one in words for name in self._find_again(one, known, room)}
-        self._change(reports.find_all(self.graph, index, kept))
+        self._change(reports.find_all(graph, index, kept, time=time))
 
     def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
         """Return the ids of the known objects that an id or a word names."""
@@ -485,6 +544,116 @@ class ToldBuilding:
         `discovered` counts a number down. 0, or False, says that the graph is whole.
         """
         self._change(replace(self.graph, more_rooms=check_more_rooms(number) or 0))
+
+    @alone
+    def passes(self, hours: float | None = None, *, until: AnyTime | None = None) -> None:
+        """Report that time has passed. This starts the clock of a graph that has none.
+
+        All that such a graph holds was seen at the time before. With a clock, reports may also say
+        their `time`.
+
+        Args:
+            hours: that have passed.
+            until: what time it is now, instead; `"now"` reads the clock of this computer.
+
+        Raises:
+            RecipeError: for a time that cannot be, or is before the last report.
+        """
+        if (hours is None) == (until is None):
+            raise RecipeError("passes: give hours or until", code="time-unsaid")
+        graph, step = self.graph, 0.0
+        if hours is not None:
+            step = HOUR * read_number("passes: hours", hours, most=_MOST_HOURS)
+            now = (graph.now or 0.0) + step
+        else:
+            now = clock() if until == "now" else self._read_time("passes", until)
+        if graph.now is None:
+            graph = memory.date_all(graph, now - step)
+        elif now < graph.now:
+            raise RecipeError(
+                f"passes: expected a time after {show_time(graph.now)}, that of the last report, "
+                f"found {show_time(now)}",
+                code="time-back",
+                where=graph.scene_id,
+            )
+        self._change(memory.tell_time(graph, now))
+
+    @alone
+    def keeps(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:
+        """Say where people of this home keep a thing, or a group of things such as drinks.
+
+        It counts as much as 20 sightings, so that the robot goes there first, and what it sees
+        elsewhere again and again counts in the end. What is said of the thing itself counts before
+        what is said of its group. Two places of one thing share it; `forget` takes back what was
+        said.
+
+        Args:
+            thing: any word, or a group of `bsg_robot/tables/groups-v1.csv`.
+            room: id or label; None if `at` says where.
+            at: id of a piece of furniture, or its word: also of one that was not seen yet.
+
+        Raises:
+            RecipeError: for a word or a room that cannot be.
+        """
+        self._say_custom(thing, room, at, never=False)
+
+    @alone
+    def never(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:
+        """Say where a thing, or a group of things, never is. Arguments are those of `keeps`."""
+        self._say_custom(thing, room, at, never=True)
+
+    def _say_custom(self, thing: str, room: str | None, at: str | None, *, never: bool) -> None:
+        require_word(thing)
+        if find_group(thing) is None:
+            self._words.understand(thing)
+        if room is None and at is None:
+            raise RecipeError(
+                f"{thing[:SHOWN]!r}: expected a room, or a piece of furniture (`at`), or both",
+                code="custom-nowhere",
+                where=thing,
+            )
+        index = None if room is None else find_room(self.graph, room)
+        if at is not None:
+            require_word(at := spell_id(at))
+        new = Custom(thing, index, at, never)
+        others = [one for one in self.graph.customs if one != new]
+        if len(others) >= MAX_ROBOT_CUSTOMS:
+            raise RecipeError(
+                f"{self.graph.scene_id}: expected at most {MAX_ROBOT_CUSTOMS:,} customs; `forget` "
+                "removes those of a thing",
+                code="customs-too-many",
+                where=self.graph.scene_id,
+            )
+        self._change(replace(self.graph, customs=(*others, new)))
+
+    @alone
+    def forget(self, thing: str | None = None) -> None:
+        """Forget what this home has taught: where a thing was before, and what people said of it.
+
+        Objects that are known now stay, and looks, and the clock.
+
+        Args:
+            thing: any word, or a group; None for all.
+
+        Raises:
+            RecipeError: for a word that means nothing.
+        """
+        if thing is None:
+            self._change(replace(self.graph, memory=(), customs=()))
+            return
+        group = find_group(thing)
+        if group is None:
+            is_such = self._words.names(self._words.understand(thing))
+        else:
+            is_such = self._words.is_of(group)
+        graph = self.graph
+        self._change(
+            replace(
+                graph,
+                memory=tuple(one for one in graph.memory if not is_such(one.raw_category)),
+                customs=tuple(one for one in graph.customs if not is_such(one.thing)),
+            )
+        )
 
     def _change(self, graph: PartialGraph) -> None:
         """Take a later graph."""

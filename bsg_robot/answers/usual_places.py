@@ -47,12 +47,14 @@ class Things:
         shares: `[T, K]` P(a search begins in rooms of a kind).
         homes: `[T]` P(a home has one).
         sights: `[T]` share that is in sight.
+        stays: `[T]` hours after which half of them are elsewhere.
     """
 
     names: tuple[frozenset[str | None], ...]
     shares: Floats
     homes: Floats
     sights: Floats
+    stays: Floats
 
     @classmethod
     def of(cls, things: Sequence[Thing], table: KindTable) -> Things:
@@ -63,6 +65,7 @@ class Things:
             shares=np.array(shares).reshape(len(things), len(table.kinds)),
             homes=np.array([thing.home for thing in things]),
             sights=np.array([thing.sight for thing in things]),
+            stays=np.array([thing.stays for thing in things]),
         )
 
 
@@ -125,7 +128,8 @@ def rate_things(
         weights[:, theirs] *= _THEIRS
         more = weights[:, kinds.known].sum(axis=1) / known.sum(axis=1)
         weights[:, kinds.known] /= more[:, None]
-    rates[:, 1:] = rate[:, None] * weights * _hide(things, graph)
+    stays = things.stays if graph.stays is None else np.full_like(things.stays, graph.stays)
+    rates[:, 1:] = rate[:, None] * weights * hide(things, graph.hidden_now(stays))
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates
 
@@ -171,10 +175,12 @@ def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     return np.asarray((shares * (1 - _SHARED * there) * may_be) @ each.T)
 
 
-def _hide(things: Things, graph: PartialGraph) -> Floats:
-    """Return P(a thing was not seen, if it is in a room), `[T, R]`."""
+def hide(things: Things, hidden: Floats) -> Floats:
+    """Return P(a thing was not seen, if it is in a room), `[T, R]`.
+
+    `hidden` has the share of such things of the room that was not seen, `[T, R]`.
+    """
     sight = things.sights[:, None]
-    hidden = np.array([room.hidden_share for room in graph.rooms])
     large = 1 + (sight > _LARGE)
     # What is mostly in sight stands on the floor, and does not hide where all of it was seen.
     away = (1 - sight) * np.where(sight >= IN_SIGHT, hidden, 1.0)

@@ -10,11 +10,19 @@ from functools import cached_property
 import numpy as np
 
 from bsg_data.arrays import Floats
+from bsg_models.belief.clock import has_stayed
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_models.belief.partial_graph import (
+    KnownRoom,
+    Look,
+    PartialGraph,
+    SeenObject,
+)
 from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.habits import Usual
+from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
 from bsg_robot.answers.missed_looks import (
@@ -34,11 +42,19 @@ from bsg_robot.answers.thing_belief import (
     believe_kind,
     believe_noun,
     believe_rates,
+    believe_usual,
     count_rooms,
     lift,
 )
-from bsg_robot.answers.unknown_rooms import Apart, expect_apart
-from bsg_robot.answers.usual_places import IN_SIGHT, OF_HOMES, Things, find_things, rate_things
+from bsg_robot.answers.unknown_rooms import Apart, expect_apart, log_odds
+from bsg_robot.answers.usual_places import (
+    IN_SIGHT,
+    OF_HOMES,
+    Things,
+    find_things,
+    hide,
+    rate_things,
+)
 from bsg_robot.answers.words import Asked, Meaning, require_word
 from bsg_robot.graph import reports
 from bsg_robot.graph.reports import reclassify
@@ -46,6 +62,8 @@ from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, fu
 from bsg_robot.things.things import Thing, find_thing, list_narrower
 
 _SURELY = 1 - 1e-9
+_SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
+_LEAST = 0.05  # hidden share of a room that was searched some time ago, as models read it
 _MOST_SOUGHT = 32  # things of which the belief is remembered
 # Buildings of HM3D's train split (145) by their number of rooms, from 0 on.
 # fmt: off
@@ -81,15 +99,21 @@ class WeighedGraph:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
         understood = ((one, words.look_up(one.thing)) for one in said.looks)
         self.said, self._words = said, words
-        self.looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
-        left = doubt_objects(said, self.looks, names=words.names)
+        self.looks = tuple(
+            MissedLook(replace(one, chance=one.chance * self._stayed(one, meaning)), meaning)
+            for one, meaning in understood
+            if meaning
+        )
+        left = doubt_objects(said, self.looks, names=words.names, stayed=self._has_stayed)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
             (one.room_index, one.raw_category, one.category, one.class_index)
             for one in left.objects
             if one.is_evidence
         ]
-        self._evidence = replace(left, looks=(), objects=()), Counter(seen)
+        heard = _age(left)
+        told = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
+        self._evidence = told, Counter(seen)
         self._asked: dict[Asked, Apart] = {}
         self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
         self._pieces: dict[int, SeenPieces] = {}
@@ -100,15 +124,18 @@ class WeighedGraph:
         else:
             found = infer_kinds(left, read_kinds())
             self.kinds = found.with_unknown(_count_unfound(left, found))
-        self.whole = _add_unfound(left, len(self.kinds.rooms) - len(left.rooms))
+        more = len(self.kinds.rooms) - len(left.rooms)
+        self.whole = _add_unfound(left, more)
+        self._heard = self.whole if heard is left else _add_unfound(heard, more)
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)
         for obj in self.whole.objects:
             self._objects[obj.room_index].append(obj)
         if before is not None:
             same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
             self._pieces = {node: before._pieces[node] for node in same}
-        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self.whole}
+        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self._heard}
         self._sought: dict[str, Sought] = {}
+        self._usual: dict[str, Usual | None] = {}
 
     @property
     def nodes(self) -> int:
@@ -118,7 +145,7 @@ class WeighedGraph:
     def believe(self, asked: Asked) -> tuple[PartialGraph, Expectation]:
         """Return the whole graph as a model reads it, and what it believes."""
         if asked not in self._read:
-            self._read[asked] = reclassify(self.whole, self._words.class_map(asked))
+            self._read[asked] = reclassify(self._heard, self._words.class_map(asked))
         graph = self._read[asked]
         return graph, self._ask(asked).every
 
@@ -146,7 +173,50 @@ class WeighedGraph:
             weight[classes.own] = OF_HOMES * is_new[classes.own]
             asked = self._ask(Asked.OWN).take_classes(np.array(columns))
             self._found[columns] = lift(asked, homes, weight=weight, least=least)
-        return self._found[columns]
+        return self._grow_old(self._found[columns], columns)
+
+    def _grow_old(self, hidden: CountDistribution, columns: tuple[int, ...]) -> CountDistribution:
+        """Return hidden counts of which rooms have more, of what moves, than when they were seen.
+
+        An object is unseen in proportion to the share of its kind that is.
+        """
+        if self._heard is self.whole:
+            return hidden
+        classes = [self._words.own.classes[column] for column in columns]
+        stays = np.array([self._words.stays(self._words.look_up(name)) for name in classes])
+        then = np.array([room.hidden_share for room in self._heard.rooms])
+        more = self._hidden_now(stays) / then.clip(min=_LEAST)
+        none = np.log1p(-hidden.presence.clip(max=_SURELY))
+        after = none.copy()
+        after[1:] *= more.T
+        after[0] += (after - none)[1:].sum(axis=0)
+        odds = log_odds(np.exp(after)) - log_odds(np.exp(none))
+        return hidden.with_none_likelier(np.where(hidden.presence > 0, odds, 0.0))
+
+    def _hidden_now(self, stays: Floats) -> Floats:
+        """Return the share of some things of each room that is not seen, `[..., R]`."""
+        usual = self.said.stays
+        return self.whole.hidden_now(stays if usual is None else np.full_like(stays, usual))
+
+    def _stayed(self, seen: SeenObject | Look, meaning: Meaning | None) -> float:
+        """Return P(what was seen at its time is still so), of things of a meaning."""
+        said = seen.stays if isinstance(seen, SeenObject) else None
+        stays = said or self.said.stays or self._words.stays(meaning)
+        return has_stayed(seen.time, self.said.now, stays)
+
+    def _has_stayed(self, obj: SeenObject) -> float:
+        """Return P(an object is where it was seen)."""
+        if obj.time is None or self.said.now is None:
+            return 1.0
+        return self._stayed(obj, self._words.look_up(obj.raw_category))
+
+    def still_there(self, obj: SeenObject, now: float | None) -> float:
+        """Return P(a known object is where it was seen), at a later time."""
+        left = next((one for one in self._objects[obj.room_index] if one.name == obj.name), None)
+        stays = obj.stays or self.said.stays
+        stays = stays or self._words.stays(self._words.look_up(obj.raw_category))
+        since = self.said.now if obj.time is not None else None
+        return 0.0 if left is None else left.probability * has_stayed(since, now, stays)
 
     @cached_property
     def _counted(self) -> Expectation:
@@ -182,12 +252,50 @@ class WeighedGraph:
 
     def _look_up(self, meaning: Meaning) -> ThingBelief:
         hidden, none = self._expect_hidden(meaning)
+        if (usual := self.find_usual(meaning)) is not None:
+            hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
         for obj in self._list_found(meaning):
             seen[obj.room_index].append(obj)
-        searched = np.array([True, *(room.hidden_share == 0 for room in self.whole.rooms)])
+        searched = np.array([True, *(self._hidden_now(self._stays(meaning)) == 0)])
         held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
         return held.after(1 - self._overlook(meaning))
+
+    def _stays(self, meaning: Meaning) -> Floats:
+        return np.array(self._words.stays(meaning))
+
+    @cached_property
+    def home(self) -> Home:
+        """What this home has taught."""
+        after = {obj.name: obj.probability for obj in self.whole.objects}
+        left = {
+            obj.name: (self._has_stayed(obj) * obj.probability, after.get(obj.name, 0.0))
+            for obj in self.said.objects
+        }
+        return Home(self.said, left, self._words, pieces=self.pieces_of)
+
+    def find_usual(self, meaning: Meaning) -> Usual | None:
+        """Return where such things usually are; None if this home has taught nothing of them."""
+        if not self.home.teaches:
+            return None
+        if meaning.word not in self._usual:
+            if len(self._usual) >= _MOST_SOUGHT:
+                self._usual.clear()
+            presence = self._expect_hidden(meaning)[0].presence[:, 0]
+            prior = -np.log1p(-presence.clip(max=_SURELY))
+            self._usual[meaning.word] = self.home.learn(meaning, prior, self._hide(meaning))
+        return self._usual[meaning.word]
+
+    def _hide(self, meaning: Meaning) -> Floats:
+        """Return P(a thing that is at a node was not seen there), `[N]`.
+
+        Who does not say when a room was seen says nothing of what moves.
+        """
+        hidden, thing = self._hidden_now(self._stays(meaning)), self._words.thing_of(meaning)
+        if thing is not None:
+            hidden = hide(Things.of([thing], self.kinds.table), hidden[None])[0]
+        is_dated = [room.time is not None for room in self.whole.rooms]
+        return np.array([1.0, *np.where(is_dated, hidden, 1.0)])
 
     def _list_found(self, meaning: Meaning) -> list[SeenObject]:
         """Return the objects that are such things."""
@@ -254,15 +362,22 @@ class WeighedGraph:
     def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
         belief = self.believe(Asked.OWN)[1]
-        return furnish(
+        room = self.whole.rooms[node - 1]
+        if room.time is not None:
+            hidden = float(self._hidden_now(self._stays(meaning))[node - 1])
+            room = replace(room, hidden_share=hidden)
+        found = furnish(
             meaning.kept_as,
-            self.whole.rooms[node - 1],
+            room,
             self.pieces_of(node),
             classes=self._words.own.classes,
             unseen=belief.presence[node],
             tidy=tidy,
             kinds=self.kinds.said[node - 1],
         )
+        if found is None or (usual := self.find_usual(meaning)) is None:
+            return found
+        return usual.furnish(found, node)
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
@@ -329,6 +444,22 @@ class WeighedGraph:
             for obj in graph.objects
         )
         return replace(graph, objects=objects)
+
+
+def _age(graph: PartialGraph) -> PartialGraph:
+    """Return a graph as models read it: of rooms that were seen before, something is unseen."""
+    now = graph.now
+    if now is None or not any(room.time is not None and room.time < now for room in graph.rooms):
+        return graph
+    slow = graph.hidden_now(np.array(_SLOW)).round(3).tolist()
+    rooms = tuple(
+        room
+        if room.time is None or room.time >= now
+        else replace(room, hidden_share=max(share, _LEAST), time=None)
+        for room, share in zip(graph.rooms, slow, strict=True)
+    )
+    rooms = tuple(room if room.time is None else replace(room, time=None) for room in rooms)
+    return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 
 
 def _count_unfound(graph: PartialGraph, kinds: RoomKinds) -> int:

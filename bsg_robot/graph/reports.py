@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.words.normal import normalise_name
+from bsg_models.belief.clock import has_stayed
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.partial_graph import (
+    EVIDENCE_SCORE,
     KnownRoom,
     Look,
     PartialGraph,
     SeenObject,
 )
 from bsg_models.search.looks import miss_all, overlooked_at
+from bsg_robot.graph.memory import remember
 from bsg_robot.things.things import classify_seen
 
 _ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
 
 
 def hide_of_room(
-    graph: PartialGraph, room_index: int, share: ShareBelief, *, visited: bool | None = None
+    graph: PartialGraph,
+    room_index: int,
+    share: ShareBelief,
+    *,
+    visited: bool | None = None,
+    time: float | None = None,
 ) -> PartialGraph:
     """Return the graph with another hidden share of a room, 1..R, and whether it was visited."""
     rooms = list(graph.rooms)
@@ -34,6 +42,7 @@ def hide_of_room(
         hidden_share=share.mean,
         hidden_share_sd=share.sd,
         visited=room.visited if visited is None else visited,
+        time=time,
     )
     return follow_rooms(graph, replace(graph, rooms=tuple(rooms)))
 
@@ -48,16 +57,25 @@ def follow_rooms(before: PartialGraph, after: PartialGraph) -> PartialGraph:
 def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     """Return the partial graph after the robot has seen one object.
 
-    A known object of this name moves to the new place. The hidden share of its room stays the same,
-    because one object does not say how much more the robot looked at; but a room that shows
-    something does not hide all.
+    A known object of this name moves to the new place, and where it was is remembered; a report
+    that comes late is remembered alone. The hidden share of its room stays the same, because one
+    object does not say how much more the robot looked at; but a room that shows something does not
+    hide all.
     """
+    known = next((obj for obj in graph.objects if obj.name == seen.name), None)
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
-    return follow_rooms(graph, replace(graph, objects=(*others, seen)))
+    if known is not None and known.time is not None and (seen.time or math.inf) < known.time:
+        return replace(graph, memory=remember(graph.memory, [seen]))
+    memory = graph.memory if known is None else remember(graph.memory, [known])
+    return follow_rooms(graph, replace(graph, objects=(*others, seen), memory=memory))
 
 
 def enter(
-    graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
+    graph: PartialGraph,
+    room_index: int,
+    *,
+    hidden_share: ShareBelief | None = None,
+    time: float | None = None,
 ) -> PartialGraph:
     """Return the partial graph after the robot has entered a room, 1..R, or seen more of it.
 
@@ -65,10 +83,13 @@ def enter(
     0.5 gets `VAGUE`.
     """
     known = graph.rooms[room_index - 1]
+    if (time or math.inf) < (known.time or -math.inf):
+        return graph  # a report that comes late
     if hidden_share is None:
         was_inside = known.visited and known.hidden_share < 1
-        hidden_share = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
-    return hide_of_room(graph, room_index, hidden_share, visited=True)
+        stays = was_inside or known.hidden_share <= VAGUE.mean
+        hidden_share, time = (known.share, known.time) if stays else (VAGUE, time)
+    return hide_of_room(graph, room_index, hidden_share, visited=True, time=time)
 
 
 def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
@@ -115,22 +136,24 @@ def describe(
     return replace(graph, rooms=tuple(rooms), adjacency=tuple(sorted(pairs)))
 
 
-def look(graph: PartialGraph, seen: Look) -> PartialGraph:
+def look(graph: PartialGraph, seen: Look, *, stays: float = math.inf) -> PartialGraph:
     """Return the partial graph after a look that did not find a thing.
 
     Looks for the same thing at the same place become one, whose chance is that of all
     (`bsg_models.search.looks`: as good as keeping them). Only a look that misses nothing leaves
     nothing possible.
+
+    Args:
+        graph: before.
+        seen: the look.
+        stays: hours after which half of such things are elsewhere: earlier looks fade by it.
     """
-    same = (seen.room_index, seen.at, normalise_name(seen.thing))
-    looks, chances = [], [seen.chance]
-    for one in graph.looks:
-        if (one.room_index, one.at, normalise_name(one.thing)) == same:
-            chances.append(one.chance)
-        else:
-            looks.append(one)
+    same = [seen, *(one for one in graph.looks if _is_same(one, seen))]
+    latest = max((one.time for one in same if one.time is not None), default=None)
+    looks = [one for one in graph.looks if not _is_same(one, seen)]
+    chances = [one.chance * has_stayed(one.time, latest, stays) for one in same]
     found = 1 - miss_all(chances, overlooked=overlooked_at(seen.at))
-    joined = replace(seen, chance=1.0 if 1.0 in chances else min(found, _ALMOST))
+    joined = replace(seen, chance=1.0 if 1.0 in chances else min(found, _ALMOST), time=latest)
     things = {seen.thing, *(one.thing for one in looks)}
     if len(looks) >= MAX_ROBOT_LOOKS or len(things) > MAX_ROBOT_SOUGHT:
         raise RecipeError(
@@ -142,20 +165,27 @@ def look(graph: PartialGraph, seen: Look) -> PartialGraph:
     return replace(graph, looks=(*looks, joined))
 
 
-def find_all(graph: PartialGraph, room_index: int, names: Collection[str]) -> PartialGraph:
+def _is_same(one: Look, other: Look) -> bool:
+    """Return whether two looks are for the same thing at the same place."""
+    places = [(look.room_index, look.at, normalise_name(look.thing)) for look in (one, other)]
+    return places[0] == places[1]
+
+
+def find_all(
+    graph: PartialGraph, room_index: int, names: Collection[str], *, time: float | None = None
+) -> PartialGraph:
     """Return the partial graph after all of a room was seen, and only these of its objects.
 
     Nobody doubts them any more, and no look has missed anything there.
     """
-    found = set(names)
-    objects = tuple(
-        replace(obj, score=None) if obj.room_index == room_index else obj
-        for obj in graph.objects
-        if obj.room_index != room_index or obj.name in found
-    )
+    here = [obj for obj in graph.objects if obj.room_index == room_index]
+    graph = lose(graph, {obj.name for obj in here}.difference(names))
+    for obj in here:
+        if obj.name in names:
+            graph = see_object(graph, replace(obj, score=None, time=time))
     looks = tuple(one for one in graph.looks if one.room_index != room_index)
-    graph = replace(graph, objects=objects, looks=looks)
-    return enter(graph, room_index, hidden_share=ShareBelief(0.0))
+    graph = replace(graph, looks=looks)
+    return enter(graph, room_index, hidden_share=ShareBelief(0.0), time=time)
 
 
 def is_on_itself(graph: PartialGraph, seen: SeenObject) -> bool:
@@ -183,9 +213,10 @@ def let_go(graph: PartialGraph) -> PartialGraph:
 
 
 def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:
-    """Return the partial graph without some objects, which are gone."""
-    gone = set(names)
-    return replace(graph, objects=tuple(obj for obj in graph.objects if obj.name not in gone))
+    """Return the partial graph without some objects; it remembers where they were."""
+    kept = tuple(obj for obj in graph.objects if obj.name not in names)
+    lost = [obj for obj in graph.objects if obj.name in names]
+    return replace(graph, objects=kept, memory=remember(graph.memory, lost))
 
 
 def find_near(
@@ -198,7 +229,7 @@ def find_near(
     Args:
         graph: the partial graph before.
         seen: the sighting.
-        within: metres; ∞ takes any, also one without a position.
+        within: metres, between two that have a position; 0 keeps all apart.
         besides: ids of objects that it is not.
     """
     best, near = None, within
@@ -207,12 +238,49 @@ def find_near(
         is_other = obj.room_index != seen.room_index or obj.name in besides
         if is_other or not within or not _is_alike(obj, seen, classes=classes):
             continue
-        far = math.inf
+        far = within
         if obj.position is not None and seen.position is not None:
             far = math.dist(obj.position, seen.position)
         if far <= near and (best is None or far < near):
             best, near = obj, far
     return best
+
+
+def find_moved(
+    graph: PartialGraph,
+    seen: SeenObject,
+    *,
+    at: Callable[[SeenObject], float],
+    besides: Collection[str] = (),
+) -> str | None:
+    """Return the id of the thing that a sighting elsewhere is: one of the class that has moved.
+
+    It is the last one that is gone; else the one that is the least likely where it was, if that is
+    improbable (`EVIDENCE_SCORE`).
+
+    Args:
+        graph: the partial graph before.
+        seen: the sighting.
+        at: object → P(it is where it was).
+        besides: ids of objects that it is not.
+    """
+    classes = [normalise_name(name) for name in graph.class_space.classes]
+    alike = [
+        o for o in graph.objects if o.name not in besides and _is_alike(o, seen, classes=classes)
+    ]
+    here = {obj.name for obj in graph.objects}
+    word = normalise_name(seen.raw_category)
+    gone = [
+        one
+        for one in graph.memory
+        if one.name not in here
+        and one.name not in besides
+        and normalise_name(one.raw_category) == word
+    ]
+    if gone:
+        return max(gone, key=lambda one: one.sightings[-1].time).name
+    moved = min(alike, key=at, default=None)
+    return moved.name if moved is not None and at(moved) < EVIDENCE_SCORE else None
 
 
 def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -> bool:
@@ -221,34 +289,6 @@ def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -
         return False
     names = {normalise_name(one.category or one.raw_category) for one in (obj, other)}
     return len(names) == 1 or (obj.class_index is not None and not names.isdisjoint(classes))
-
-
-def say_score(
-    where: str, score: float | None, *, age: float | None, stays: float | None
-) -> float | None:
-    """Return P(a thing is where it was seen): as it is said, or 2^(−age / stays).
-
-    Args:
-        where: the object, for errors.
-        score: as the robot says it.
-        age: hours since it was seen.
-        stays: hours after which half of such things are elsewhere.
-
-    Raises:
-        RecipeError: if both score and age are given, or an age without `stays`.
-    """
-    if age is None:
-        return score
-    if score is not None:
-        raise RecipeError(f"{where}: give score or age, not both", code="score-twice", where=where)
-    if stays is None:
-        raise RecipeError(
-            f"{where}: has an age; say also `stays`, the hours after which half of such things are "
-            "elsewhere, of the object or of the graph",
-            code="stays-unsaid",
-            where=where,
-        )
-    return float(2.0 ** (-age / stays))
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:

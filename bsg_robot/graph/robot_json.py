@@ -13,8 +13,12 @@
                   {"id": "8", "room": "kitchen", "category": "milk", "on": "7"}],
       "adjacency": [["kitchen", "hall"]],
       "detector": ["fridge", "chair", "cup"],
-      "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3
+      "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3,
+      "customs": [{"thing": "drinks", "room": "kitchen", "at": "7"}],
+      "now": "2026-11-28T08:30:00Z"
     }
+
+With a clock (`now`), rooms, objects and looks have a `time`, and `memory` has where things were.
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
 gives its class. By default the hidden share is 1 for a room that was not visited, and vague
@@ -45,6 +49,7 @@ from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounds import (
     MAX_ALL_CORNERS,
+    MAX_ROBOT_CUSTOMS,
     MAX_ROBOT_KINDS,
     MAX_ROBOT_LETTERS,
     MAX_ROBOT_LOOKS,
@@ -81,9 +86,11 @@ from bsg_data.scene.surroundings import (
 from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.words.nearest import ask_if_meant, nearest_names
 from bsg_data.words.shown import SHOWN
+from bsg_models.belief.clock import Time, show_time
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
+    Custom,
     Hours,
     Id,
     KnownRoom,
@@ -92,15 +99,17 @@ from bsg_models.belief.partial_graph import (
     Number,
     PartialGraph,
     Position,
+    Remembered,
     Score,
     SeenObject,
+    Sighting,
     Stay,
     StrictFraction,
     Text,
     Unread,
 )
 from bsg_robot.graph.map_forms import FORM, open_belief, require_few, spell_out
-from bsg_robot.graph.reports import say_score
+from bsg_robot.graph.memory import MOST_IN_ALL, MOST_SIGHTINGS, say_time, start_clock
 from bsg_robot.things.things import classify_seen
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
@@ -112,6 +121,8 @@ _ENTRIES = {
     "objects": "object",
     "adjacency": "pair of adjacency",
     "looks": "look",
+    "memory": "remembered thing",
+    "customs": "custom",
 }
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _WORDS = {  # of JSON, where pydantic's are of Python's types
@@ -127,9 +138,9 @@ _FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WOR
 _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 # What a robot may say of its rooms, its objects and the building, in any file format.
 ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
-OBJECT_WORDS = ("id", "category", "position", "score", "age", "stays", "on")
+OBJECT_WORDS = ("id", "category", "position", "score", "time", "age", "stays", "on")
 _GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
-GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks")
+GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks", "now", "memory", "customs")
 
 
 class RobotGraphError(SourceError):
@@ -180,6 +191,7 @@ class _Object(SaidRecord):
     class_name: Annotated[Text | None, Field(alias="class")] = None
     position: Position | None = None
     score: Score | None = None
+    time: Time | None = None
     age: Hours | None = None
     stays: Stay | None = None
     on: Id | None = None
@@ -190,6 +202,23 @@ class _Look(SaidRecord):
     thing: Annotated[Text, Field(min_length=1)]
     chance: Score = LOOK_CHANCE
     at: Id | None = None
+    time: Time | None = None
+
+
+class _Remembered(SaidRecord):
+    id: Id
+    category: Text
+    # Each with the time, the room (null: none) and the piece of furniture (null: unknown).
+    sightings: Annotated[
+        Listed[tuple[Time, Id | None, Id | None]], Field(max_length=MOST_SIGHTINGS)
+    ]
+
+
+class _Custom(SaidRecord):
+    thing: Annotated[Text, Field(min_length=1)]
+    room: Id | None = None
+    at: Id | None = None
+    never: bool = False
 
 
 def _list_words(said: Any) -> Any:
@@ -244,6 +273,14 @@ def _count_things(looks: Any) -> Any:
     return looks
 
 
+def _count_sightings(memory: Any) -> Any:
+    """Refuse more sightings than a memory keeps."""
+    listed = [one for one in memory if isinstance(one, dict)] if _is_list(memory) else []
+    sightings = sum(len(one) for o in listed if _is_list(one := o.get("sightings")))
+    require_few(sightings, MOST_IN_ALL, "sightings of all things together")
+    return memory
+
+
 def _count_own(said: Any) -> Any:
     """Refuse a table of too many words for rooms."""
     if isinstance(said, dict):
@@ -280,6 +317,11 @@ class _Graph(SaidRecord):
     ] = ()
     more_rooms: MoreRooms = None
     stays: Stay | None = None
+    now: Time | None = None
+    memory: Annotated[
+        Listed[_Remembered], Field(max_length=MAX_ROBOT_OBJECTS), BeforeValidator(_count_sightings)
+    ] = ()
+    customs: Annotated[Listed[_Custom], Field(max_length=MAX_ROBOT_CUSTOMS)] = ()
     room_labels: Annotated[
         Keyed[Annotated[Text, Field(min_length=1)], Text | None],
         BeforeValidator(_count_own),
@@ -293,6 +335,8 @@ _KEYS = {
     "rooms": ROOM_WORDS,
     "objects": tuple(one.alias or name for name, one in _Object.model_fields.items()),
     "looks": tuple(_Look.model_fields),
+    "memory": tuple(_Remembered.model_fields),
+    "customs": tuple(_Custom.model_fields),
 }
 
 
@@ -362,9 +406,9 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
         room = _find(obj.room, index, called) if obj.room is not None else 0
         found = _classify(obj.category, obj.corrected, obj.class_name, by)
-        score = say_score(called, obj.score, age=obj.age, stays=obj.stays or document.stays)
-        facts = (obj.id, room, obj.category, *found, obj.position, score)
-        objects.append(SeenObject(*facts, on=obj.on))
+        time = say_time(called, obj.time, age=obj.age, now=document.now)
+        facts = (obj.id, room, obj.category, *found, obj.position, obj.score)
+        objects.append(SeenObject(*facts, on=obj.on, time=time, stays=obj.stays))
     looks = tuple(_read_look(one, index, room_of) for one in document.looks)
     share = document.hidden_share
     graph = PartialGraph(
@@ -379,6 +423,8 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         looks=looks,
         more_rooms=document.more_rooms,
         stays=document.stays,
+        memory=tuple(_read_memory(one, index) for one in document.memory),
+        customs=tuple(_read_custom(one, index) for one in document.customs),
         room_labels=tuple(document.room_labels.items()),
         unread=document.unread,
         detector=None
@@ -388,6 +434,7 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
             for word, stated in document.detector.items()
         ),
     )
+    graph = start_clock(graph, document.now)
     if share is None and rooms:
         mean = float(np.mean([room.hidden_share for room in graph.rooms]))
         graph = replace(graph, hidden_share=mean)
@@ -398,7 +445,24 @@ def _read_look(said: _Look, index: Mapping[str, int], room_of: Mapping[str, str 
     where = f"look for {said.thing[:SHOWN]!r}"
     if said.at is not None:
         _require_beside(where, "at", said.at, said.room, room_of)
-    return Look(_find(said.room, index, where), said.thing, said.chance, said.at)
+    return Look(_find(said.room, index, where), said.thing, said.chance, said.at, said.time)
+
+
+def _read_memory(said: _Remembered, index: Mapping[str, int]) -> Remembered:
+    where = f"remembered thing {said.id[:SHOWN]!r}"
+    sightings = (
+        Sighting(time, 0 if room is None else _find(room, index, where), on)
+        for time, room, on in said.sightings
+    )
+    return Remembered(said.id, said.category, tuple(sorted(sightings, key=lambda one: one.time)))
+
+
+def _read_custom(said: _Custom, index: Mapping[str, int]) -> Custom:
+    where = f"custom of {said.thing[:SHOWN]!r}"
+    if said.room is None and said.at is None:
+        raise RecipeError(f"{where}: expected a room, or a piece of furniture (`at`), or both")
+    room = None if said.room is None else _find(said.room, index, where)
+    return Custom(said.thing, room, said.at, said.never)
 
 
 def _require_support(on: Mapping[str, str], room_of: Mapping[str, str | None]) -> None:
@@ -528,6 +592,8 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
                 "position": obj.position,
                 "score": obj.score,
                 **({} if obj.on is None else {"on": obj.on}),
+                **_encode_time(obj.time),
+                **({} if obj.stays is None else {"stays": obj.stays}),
             }
             for obj in graph.objects
         ],
@@ -541,7 +607,29 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         said["looks"] = [
             {"room": names[one.room_index - 1], "thing": one.thing, "chance": one.chance}
             | ({} if one.at is None else {"at": one.at})
+            | _encode_time(one.time)
             for one in graph.looks
+        ]
+    if graph.now is not None:
+        said["now"] = show_time(graph.now)
+    rooms = [None, *names]
+    if graph.memory:
+        said["memory"] = [
+            {
+                "id": one.name,
+                "category": one.raw_category,
+                "sightings": [
+                    [show_time(seen.time), rooms[seen.room_index], seen.on]
+                    for seen in one.sightings
+                ],
+            }
+            for one in graph.memory
+        ]
+    if graph.customs:
+        said["customs"] = [
+            {"thing": one.thing, "room": rooms[one.room_index or 0], "at": one.at}
+            | ({"never": True} if one.never else {})
+            for one in graph.customs
         ]
     if graph.detector is not None:
         said["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
@@ -549,10 +637,15 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
-    said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS) if name != "unread"}
+    facts = (name for name in (*_SHARE_WORDS, *_FACTS) if name not in ("unread", "time"))
+    said = {name: getattr(room, name) for name in facts}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
     said |= {"unread": [*room.unread]} if room.unread else {}
-    return {"id": room.name, **said}
+    return {"id": room.name, **said, **_encode_time(room.time)}
+
+
+def _encode_time(time: float | None) -> dict[str, Any]:
+    return {} if time is None else {"time": show_time(time)}
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

@@ -5,7 +5,6 @@ Texts come from other programs. They are bounded and checked here; a fault is an
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from types import MappingProxyType
@@ -323,7 +322,7 @@ def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[d
         if best is not None and best.score >= min_score:
             at = one.bbox.center.position
             said = {"thing": best.class_id, "object": one.id or None, "score": best.score}
-            yield said | ({"position": (at.x, at.y, at.z)} if placed else {"within": math.inf})
+            yield said | ({"position": (at.x, at.y, at.z)} if placed else {})
 
 
 def _read(text: str, kind: type[_Request]) -> dict[str, Any]:

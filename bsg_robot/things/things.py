@@ -1,10 +1,12 @@
 """Everyday things: in which rooms and on which furniture a person would search for them.
 
-Five tables of `bsg_robot/tables/` say it, written by hand but for the shares of people
+Six tables of `bsg_robot/tables/` say it, written by hand but for the shares of people
 (`bsg_robot/tables/README.md`):
 
     things-v1.csv             a thing, its names, its class, the rooms where people look for it,
-                              P(a home has one), and how often one that is there is in sight
+                              P(a home has one), how often one that is there is in sight, after
+                              how many hours half of them are elsewhere, and the group
+    groups-v1.csv             a group of things, its names, and whether they are kept together
     narrow-rooms-v1.csv       a kind of room that holds only what things-v1 names there
     receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
                               it is opened, and whether it holds what keeping-v1 names alone
@@ -33,7 +35,8 @@ from bsg_robot.tables.table import read_table
 
 _FILE, _NARROW, _PIECES = "things-v1.csv", "narrow-rooms-v1.csv", "receptacles-v1.csv"
 _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
-_HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight")
+_GROUPS = "groups-v1.csv"
+_HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight", "stays", "group")
 _SEPARATOR = "|"
 _OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
 
@@ -50,6 +53,8 @@ class Thing:
     rooms: tuple[tuple[str, float], ...]
     home: float  # P(a home has at least one)
     sight: float  # P(one is in sight of somebody who sees the floor and surfaces of its room)
+    stays: float  # hours after which half of them are elsewhere
+    group: str  # of things that people keep together, a row of groups-v1
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -133,16 +138,43 @@ def classify_seen(word: str, class_map: ClassMap) -> Classified:
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     things = []
     for row in read_table(_FILE, _HEADER):
-        name, said, wider, rooms, home, sight = row
+        name, said, wider, rooms, home, sight, stays, group = row
         parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
         weights = tuple([(room, float(weight) / 100) for room, _, weight in parts])
         spellings = tuple(said.split(_SEPARATOR)) if said else ()
         rates = (float(home) / 100, float(sight) / 100)
-        things.append(Thing(name, spellings, wider or None, weights, *rates))
+        facts = (wider or None, weights, *rates, float(stays), group)
+        things.append(Thing(name, spellings, *facts))
     names = [(one, thing) for thing in things for one in thing.names]
     listed = {separate(name): thing for name, thing in names}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
     return tuple(things), joined | listed
+
+
+def find_group(word: str) -> str | None:
+    """Return the group of things that a word names.
+
+    >>> find_group("cleaning supplies"), find_group("Beverages"), find_group("mug")
+    ('cleaning', 'drink', None)
+    """
+    said, groups = separate(word[:LONGEST]), _read_groups()[0]
+    return next((groups[form] for form in (said, *singulars(said)) if form in groups), None)
+
+
+def keeps_together(group: str) -> bool:
+    """Return whether where one thing of a group is tells where people keep the others."""
+    return group in _read_groups()[1]
+
+
+@cache
+def _read_groups() -> tuple[Mapping[str, str], frozenset[str]]:
+    rows = read_table(_GROUPS, ("group", "spellings", "together"))
+    names = {
+        separate(name): group
+        for group, spellings, _ in rows
+        for name in (group, *filter(None, spellings.split(_SEPARATOR)))
+    }
+    return names, frozenset(group for group, _, together in rows if together == "yes")
 
 
 def is_narrow(label: str) -> bool:

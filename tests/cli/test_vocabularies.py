@@ -158,7 +158,7 @@ def by_table(folder: Path) -> Classes:
 def by_saw(folder: Path) -> Classes:
     seen = open_graph({"kitchen": []})
     for word in WORDS:
-        seen.saw("kitchen", word)
+        seen.saw("kitchen", word, within=0)
     return [name_class(obj.class_index) for obj in seen.graph.objects]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,7 +35,6 @@ from bsg_robot.graph.reports import (
     find_all,
     find_near,
     look,
-    say_score,
     see_object,
 )
 
@@ -230,9 +228,9 @@ def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
     assert find_near(graph, new, within=0.5, besides=["near"]) is None
     assert find_near(graph, replace(new, room_index=2), within=0.5) is None
     assert find_near(graph, new, within=0) is None
-    assert find_near(graph, replace(new, class_index=CLASS["bed"]), within=0.5) is None
-    assert find_near(graph, replace(new, position=None), within=0.5) is None
-    assert find_near(graph, replace(new, position=None), within=math.inf) is not None
+    bed = replace(new, class_index=CLASS["bed"], raw_category="bed", category="bed")
+    assert find_near(graph, bed, within=0.5) == GRAPH.objects[0], "of which no position is known"
+    assert find_near(graph, replace(new, position=None), within=0.5) == near
 
 
 def test_more_is_learned_of_a_room() -> None:
@@ -242,13 +240,3 @@ def test_more_is_learned_of_a_room() -> None:
     assert (1, 2) in graph.adjacency
     with refuses(RecipeError, "room-beside-itself", "a"):
         describe(GRAPH, 1, room, beside=[1])
-
-
-def test_an_age_is_a_score_if_it_is_known_how_long_things_stay() -> None:
-    assert say_score("object x", 0.3, age=None, stays=None) == 0.3
-    assert say_score("object x", None, age=24.0, stays=24.0) == 0.5
-    assert say_score("object x", None, age=48.0, stays=24.0) == 0.25
-    with refuses(RecipeError, "stays-unsaid", "object x"):
-        say_score("object x", None, age=1.0, stays=None)
-    with refuses(RecipeError, "score-twice", "object x"):
-        say_score("object x", 0.5, age=1.0, stays=2.0)

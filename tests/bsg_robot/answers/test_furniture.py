@@ -371,7 +371,10 @@ def test_looks_are_weighed_once_for_each_word_that_was_seen(
     meaning = seen.understand("mug")
     look = MissedLook(Look(1, "mug", 0.8, "1"), meaning)
     left = doubt_objects(
-        seen.graph, [look], names=lambda _: lambda w: asked.append(w) or w == "mug"
+        seen.graph,
+        [look],
+        names=lambda _: lambda w: asked.append(w) or w == "mug",
+        stayed=lambda _: 1.0,
     )
     assert (len(furnished), sorted(asked)) == (1, ["mug", "table"])
     scores = {obj.raw_category: obj.score for obj in left.objects}

@@ -179,8 +179,18 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.discovered("attic", room_type={"kitchen": 2}),
         lambda seen: seen.entered("kitchen", floor_in_view="x"),
         lambda seen: seen.saw("kitchen", "cup", score=1.5),
-        lambda seen: seen.saw("kitchen", "cup", score=0.5, age=1.0, stays=2.0),
-        lambda seen: seen.saw("kitchen", "cup", age=1.0),
+        lambda seen: seen.saw("kitchen", "cup", time=1.0, age=1.0),
+        lambda seen: seen.saw("kitchen", "cup", time=float("nan")),
+        lambda seen: seen.saw("kitchen", "cup", time="2026-11-28T08:00:00"),  # of which zone?
+        lambda seen: seen.saw("kitchen", "cup", time="yesterday"),
+        lambda seen: seen.looked("kitchen", "cup", time=1.8e12),  # milliseconds
+        lambda seen: seen.passes(-1.0),
+        lambda seen: seen.passes(),
+        lambda seen: seen.passes(1.0, until=5.0),
+        lambda seen: seen.keeps("cup"),
+        lambda seen: seen.keeps("cup", room="attic"),
+        lambda seen: seen.never("zzqx", room="kitchen"),
+        lambda seen: seen.forget("zzqx"),
         lambda seen: seen.saw("kitchen", "cup", age=-1.0, stays=2.0),
         lambda seen: seen.saw("kitchen", "cup", age=1.0, stays=0.0),
         lambda seen: seen.saw("kitchen", "cup", position=(0, 0, 0), within=-1),
@@ -194,7 +204,6 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.searched("kitchen", found=["zebra"]),
         lambda seen: seen.searched("kitchen", found=["sofa"]),  # that is in another room
         lambda seen: seen.searched("kitchen", found=5),
-        lambda seen: seen.saw("kitchen", "cup", stays=2.0),
         lambda seen: seen.looked("meeting-room", "zzqx"),  # where nothing is known
         lambda seen: seen.discovered("explore"),
         lambda seen: seen.describe("attic", label="x"),

@@ -1,0 +1,78 @@
+"""Read and show times: seconds of the clock of a home.
+
+A time is a number of seconds, of any clock, or ISO 8601 with a zone; dates count from 1970 in UTC.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime, timezone
+from typing import Annotated
+
+import numpy as np
+from pydantic import BeforeValidator, WithJsonSchema
+
+from bsg_data.words.shown import show_value
+
+HOUR = 3600.0  # seconds
+DAY = 24 * HOUR
+_MOST = 1e11  # seconds: the year 5138; milliseconds are more
+_DATED = 1e8  # seconds: later times are dates; a simulator's clock begins at 0
+_HOW = 'a time, such as 1732800000 (seconds) or "2026-11-28T08:30:00+01:00" (ISO 8601)'
+
+
+def read_time(said: object) -> float:
+    """Return seconds of a number, a date with a zone, or its text.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if isinstance(said, str):
+        try:
+            said = datetime.fromisoformat(said.strip().replace("Z", "+00:00"))
+        except ValueError:
+            raise ValueError(f"expected {_HOW}, found {show_value(said)}") from None
+    if isinstance(said, datetime):
+        if said.tzinfo is None:
+            raise ValueError(
+                f"expected a time with its zone, found {said.isoformat()}; add Z or an offset such "
+                "as +01:00"
+            )
+        return said.timestamp()
+    said = said.item() if isinstance(said, np.generic) else said
+    if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
+        raise ValueError(f"expected {_HOW}, found {show_value(said)}")
+    if abs(said) > _MOST:
+        raise ValueError(f"expected seconds, found {said:,}; are these milliseconds?")
+    return float(said)
+
+
+def show_time(time: float | None) -> str | float | None:
+    """Return a time as a document has it: a date in UTC, or seconds of a clock without one.
+
+    >>> show_time(1732800000.0), show_time(3600.0)
+    ('2024-11-28T13:20:00Z', 3600.0)
+    """
+    if time is None or time < _DATED:
+        return time
+    return datetime.fromtimestamp(time, timezone.utc).isoformat().replace("+00:00", "Z")
+
+
+def has_stayed(time: float | None, now: float | None, stays: float) -> float:
+    """Return P(a thing is still where it was at a time): 2^(−age / stays); 1 without a clock.
+
+    Args:
+        time: when it was seen there; None if nobody says.
+        now: of the same clock.
+        stays: hours after which half of such things are elsewhere.
+    """
+    if time is None or now is None or now <= time:
+        return 1.0
+    return float(2.0 ** (-(now - time) / HOUR / stays))
+
+
+Time = Annotated[
+    float,
+    BeforeValidator(read_time),
+    WithJsonSchema({"type": ["number", "string"], "description": "seconds, or ISO 8601"}),
+]

@@ -1,0 +1,132 @@
+"""Say where a thing is now, by what this home has taught: one law for sightings and for customs.
+
+A thing has not moved since it was seen last with
+
+    f = 2^(−age / stays)
+
+(`stays`: hours after which half of such things are elsewhere). If it has, it is where such things
+usually are in this home. A place has the weight
+
+    α · prior + Σ over the sightings of the thing there: (base + same time of the day)
+      + what other such things, things of the group, and people tell
+
+The prior is that of all answers: tables of things, kinds and pieces, and models. It is that of a
+home that nobody knows, and stands beside α = 1 sighting. This is a renewal process whose jumps
+forget where they begin; the weights are a Dirichlet posterior with a kernel of the hour. Weights
+are chosen on HOMER (docs/results/habits.md).
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from bsg_data.arrays import Floats
+from bsg_models.belief.clock import DAY, HOUR
+from bsg_models.belief.partial_graph import Sighting
+from bsg_robot.things.pieces import Furniture
+
+PRIOR = 1.0  # α, of the prior in all, in sightings
+_BASE = 0.6  # of each sighting
+_SAME_HOUR = 1.0  # of a sighting at this time of another day
+_NEAR = 2.0  # hours that are the same time of the day
+ALIKE = 0.3  # of the sightings of another thing that is called alike
+_KIN = 3.0  # most that sightings of other things of the group weigh, in all
+_HALF_KIN = 10.0  # sightings of them that weigh half of that
+TOLD = 20.0  # of what people say
+TOLD_KIN = 0.3  # of what people say of another thing of the group
+NEVER = 0.02  # of the prior, where people say that a thing never is
+OTHERS = 0.1  # of the number that the table expects, besides those that were seen here
+KEPT = 0.9  # P(a home has a thing of which people say where they keep it)
+EXISTS = 0.97  # P(a thing that this home has had is still in it)
+
+Places = Mapping[tuple[int, str | None], float]  # room and piece (None: unknown) → weight
+
+
+def weigh_sightings(sightings: Iterable[Sighting], now: float) -> Places:
+    """Return the weights of the places of one thing's sightings."""
+    weights: dict[tuple[int, str | None], float] = defaultdict(float)
+    for time, room, on in sightings:
+        apart = abs((now - time + DAY / 2) % DAY - DAY / 2) / HOUR
+        weights[room, on] += _BASE + (_SAME_HOUR if apart <= _NEAR else 0.0)
+    return weights
+
+
+def weigh_kin(places: Counter[tuple[int, str | None]]) -> Places:
+    """Return the weights of places by the number of sightings of other things of the group."""
+    times = sum(places.values())
+    return {place: _KIN * n / (times + _HALF_KIN) for place, n in places.items()}
+
+
+def join(*weights: tuple[Places, float]) -> Places:
+    """Return the sum of weights of places, each with a factor."""
+    every: dict[tuple[int, str | None], float] = defaultdict(float)
+    for places, factor in weights:
+        for place, weight in places.items():
+            every[place] += factor * weight
+    return every
+
+
+class Usual:
+    """Where things of one kind usually are, for N nodes; one thing after the other is added.
+
+    Attributes:
+        none: `[N]` P(a node has none that was not seen); of the building, as all nodes together.
+    """
+
+    def __init__(self, prior: Floats, left: Places, hide: Floats) -> None:
+        """Begin without things.
+
+        Args:
+            prior: `[N]` expected number by all but this home's habits; the building's is not used.
+            left: share of the prior of places that is left by what people say.
+            hide: `[N]` P(a thing at a node was not seen there).
+        """
+        self.prior, self._left, self._hide = prior.copy(), left, hide
+        self.prior[0] = 0.0
+        for (node, piece), share in left.items():
+            if piece is None:
+                self.prior[node] *= share
+        if total := self.prior.sum():
+            self.prior /= total
+        self.none = np.ones(len(prior))
+        self._loose = np.zeros(len(prior))
+        self._pieces: dict[int, dict[str, float]] = defaultdict(dict)
+
+    def add(self, number: float, weights: Places, *, is_one: bool = True) -> None:
+        """Add a thing, or a number of them, which is where the weights and the prior say.
+
+        Args:
+            number: expected, of unseen ones; of one thing, the probability.
+            weights: of places, beside those of the prior.
+            is_one: whether it is one thing, which is in one place.
+        """
+        weights = {place: weight * self._hide[place[0]] for place, weight in weights.items()}
+        total = PRIOR * self.prior.sum() + sum(weights.values())
+        if not total or not number:
+            return
+        loose, each = PRIOR * self.prior, np.zeros(len(self.prior))
+        for (node, piece), weight in weights.items():
+            if piece is None:
+                loose[node] += weight
+            else:
+                each[node] += weight
+                here = self._pieces[node]
+                here[piece] = here.get(piece, 0.0) + number * weight / total
+        self._loose += number * loose / total
+        every = number * (loose + each) / total
+        every[0] = number
+        self.none *= 1 - every if is_one else np.exp(-every)
+
+    def furnish(self, furniture: Furniture, node: int) -> Furniture:
+        """Return the furniture of a node with the rates that habits give."""
+        names, known = furniture.names, self._pieces.get(node, {})
+        loose = self._loose[node] + sum(n for piece, n in known.items() if piece not in names)
+        left = [self._left.get((node, piece.name), 1.0) for piece in furniture.pieces]
+        rates = furniture.rates * np.array([*left, 1.0])
+        if not (loose or known) or not rates.sum():
+            return Furniture(furniture.pieces, rates)
+        at = np.array([*(known.get(piece.name, 0.0) for piece in furniture.pieces), 0.0])
+        return Furniture(furniture.pieces, at + loose * rates / rates.sum())

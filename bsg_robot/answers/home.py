@@ -1,0 +1,223 @@
+"""What one home has taught a robot: its things, what people say of them, and the habits of both."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from bsg_data.arrays import Floats
+from bsg_data.words.normal import normalise_name
+from bsg_models.belief.clock import show_time
+from bsg_models.belief.partial_graph import Custom, PartialGraph, SeenObject, Sighting
+from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.habits import (
+    ALIKE,
+    EXISTS,
+    KEPT,
+    NEVER,
+    OTHERS,
+    PRIOR,
+    TOLD,
+    TOLD_KIN,
+    Places,
+    Usual,
+    join,
+    weigh_kin,
+    weigh_sightings,
+)
+from bsg_robot.answers.place import Habit
+from bsg_robot.answers.words import Meaning
+from bsg_robot.things.pieces import SeenPieces, kind_of
+from bsg_robot.things.things import find_group, find_receptacle, keeps_together
+
+_ITSELF, _ITS_GROUP = 2, 1  # ranks of what people say of a thing
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One thing of this home, with all that is known of where it was.
+
+    Attributes:
+        name: its id.
+        word: for it.
+        sightings: all that are remembered, and the last.
+        moved: P(it is in this home, and not where it was seen last).
+    """
+
+    name: str
+    word: str
+    sightings: tuple[Sighting, ...]
+    moved: float
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What people say of where a thing is: weights of places, and what is left of the prior."""
+
+    weights: Places
+    left: Places
+    is_own: bool  # whether they say it of the thing itself, not of its group or kin
+
+
+class Home:
+    """What is known of the habits of a home.
+
+    Args of `__init__`:
+        said: the graph as the robot said it.
+        left: object → P(it is where it was seen), before looks and after.
+        words: what words mean.
+        pieces: node → its furniture.
+    """
+
+    def __init__(
+        self,
+        said: PartialGraph,
+        left: Mapping[str, tuple[float, float]],
+        words: Dictionary,
+        *,
+        pieces: Callable[[int], SeenPieces],
+    ) -> None:
+        self._said, self._left, self._words, self._pieces = said, left, words, pieces
+        self._nodes = range(1, 1 + len(said.rooms))
+
+    @property
+    def teaches(self) -> bool:
+        """Whether there is anything to learn from."""
+        return self._said.now is not None or bool(self._said.customs)
+
+    @cached_property
+    def tracks(self) -> tuple[Track, ...]:
+        """The things of which it is known when they were seen."""
+        before = {one.name: one for one in self._said.memory}
+        tracks = []
+        for obj in self._said.objects:
+            known = before.pop(obj.name, None)
+            if obj.time is None and known is None:
+                continue
+            last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
+            sightings = (*(known.sightings if known else ()), *last)
+            tracks.append(Track(obj.name, obj.raw_category, sightings, self._has_moved(obj)))
+        gone = (Track(o.name, o.raw_category, o.sightings, EXISTS) for o in before.values())
+        return (*tracks, *gone)
+
+    def _has_moved(self, obj: SeenObject) -> float:
+        """Return P(an object is in this home, and not where it was seen), after looks there."""
+        still, there = self._left[obj.name]
+        if obj.score is None or still == 1:
+            return EXISTS * (1 - there)
+        # A sighting that was wrong is of no object that may be elsewhere.
+        return EXISTS * (obj.probability - still) * (1 - there) / (1 - still)
+
+    def tracks_of(self, meaning: Meaning) -> list[Track]:
+        """Return the tracks of things of a meaning."""
+        return self._select(self._words.names(meaning))
+
+    def _select(self, is_such: Callable[[str], bool]) -> list[Track]:
+        words = {word for word in {one.word for one in self.tracks} if is_such(word)}
+        return [one for one in self.tracks if one.word in words]
+
+    def learn(self, meaning: Meaning, prior: Floats, unseen: Floats) -> Usual | None:
+        """Return where such things usually are; None if this home has taught nothing of them.
+
+        Args:
+            meaning: of the things.
+            prior: `[N]` expected number of unseen ones, without this home.
+            unseen: `[N]` P(one that is at a node was not seen there).
+        """
+        own, thing = self.tracks_of(meaning), self._words.thing_of(meaning)
+        group = None if thing is None else thing.group
+        kin, told = self._weigh_kin(group, own), self._hear(meaning, group)
+        if not (own or kin or told.weights or told.left):
+            return None
+        usual, now = Usual(prior, told.left, unseen), self._said.now or 0.0
+        each = {one.name: weigh_sightings(one.sightings, now) for one in own}
+        every = join(*((places, 1.0) for places in each.values()))
+        others = join((kin, 1.0), (told.weights, 1.0))
+        for one in own:
+            weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
+            usual.add(one.moved, weights)
+        number = float(prior[1:].sum())
+        if meaning.is_class:  # models count the others where they saw none
+            usual.add(number, told.weights, is_one=False)
+        else:
+            part = OTHERS if own or told.is_own else 1.0
+            usual.add(part * number, join((every, 1.0), (others, 1.0)), is_one=False)
+        if told.is_own and not own:
+            usual.add(KEPT, others)
+        return usual
+
+    def list_habits(self, meaning: Meaning) -> tuple[Habit, ...]:
+        """Return the places that such things have in this home, the likeliest first."""
+        own, thing = self.tracks_of(meaning), self._words.thing_of(meaning)
+        group = None if thing is None else thing.group
+        told, now = self._hear(meaning, group), self._said.now or 0.0
+        seen = [sight for one in own for sight in one.sightings]
+        weights = join(
+            (weigh_sightings(seen, now), 1.0),
+            (self._weigh_kin(group, own), 1.0),
+            (told.weights, 1.0),
+            ({(0, None): PRIOR}, 1.0),
+        )
+        total, rooms = sum(weights.values()), [None, *(room.name for room in self._said.rooms)]
+        habits = []
+        for (node, piece), weight in weights.items():
+            times = [sight.time for sight in seen if (sight.room_index, sight.on) == (node, piece)]
+            last = show_time(max(times, default=None))
+            is_told = (node, piece) in told.weights
+            habits.append(Habit(rooms[node], piece, weight / total, len(times), last, is_told))
+        return tuple(sorted(habits, key=lambda one: (one.room is None, -one.share)))
+
+    def _weigh_kin(self, group: str | None, own: Sequence[Track]) -> Places:
+        """Return the weights of places of other things of a group that is kept together."""
+        if group is None or not keeps_together(group):
+            return {}
+        names = {one.name for one in own}
+        kin = self._select(lambda word: self._words.group(word) == group)
+        seen = (sight for one in kin if one.name not in names for sight in one.sightings)
+        return weigh_kin(Counter((one.room_index, one.on) for one in seen))
+
+    def _hear(self, meaning: Meaning, group: str | None) -> _Told:
+        """Return what people say of a thing; what they say of its group or kin counts after it."""
+        customs = [(self._rank(one, meaning, group), one) for one in self._said.customs]
+        best = max((rank for rank, one in customs if not one.never), default=0.0)
+        weights: Places = {}
+        left: dict[tuple[int, str | None], float] = {}
+        for rank, one in customs:
+            places = self._places_of(one)
+            if one.never and rank >= _ITS_GROUP:
+                left |= dict.fromkeys(places, NEVER)
+            elif places and not one.never and rank == best > 0:
+                share = min(1.0, rank) * TOLD / len(places)
+                weights = join((weights, 1.0), (dict.fromkeys(places, share), 1.0))
+        return _Told(weights, left, best == _ITSELF)
+
+    def _rank(self, custom: Custom, meaning: Meaning, group: str | None) -> float:
+        """Return how much a custom says: 2 of the thing, 1 of its group, less of its kin."""
+        named = find_group(custom.thing)
+        if named is not None:
+            return _ITS_GROUP if named == group else 0.0
+        known = self._words.look_up(custom.thing)
+        if known is not None and self._words.names(known)(meaning.word):
+            return _ITSELF
+        kin = self._words.group(custom.thing)
+        is_kin = kin is not None and kin == group and keeps_together(kin)
+        return TOLD_KIN if is_kin and not custom.never else 0.0
+
+    def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:
+        """Return the places that a custom names: pieces of a word, in its room or in any."""
+        nodes = self._nodes if custom.room_index is None else [custom.room_index]
+        if custom.at is None:
+            return [(node, None) for node in nodes]
+        kind, said = find_receptacle(custom.at), normalise_name(custom.at)
+        pieces = [(node, piece) for node in nodes for piece in self._pieces(node).pieces]
+        tests: list[Callable[[SeenObject], bool]] = [
+            lambda piece: piece.name == custom.at,
+            lambda piece: normalise_name(piece.raw_category) == said,
+            lambda piece: kind is not None and kind_of(piece) == kind,
+        ]
+        for is_meant in tests:
+            if found := [(node, piece.name) for node, piece in pieces if is_meant(piece)]:
+                return [*found]
+        return [] if custom.room_index is None else [(custom.room_index, None)]

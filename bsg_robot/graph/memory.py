@@ -1,0 +1,121 @@
+"""Keep where things were seen before, and when everything was.
+
+Every report has a time, if the graph has a clock. What is seen again within the hour, at the same
+place, is one sighting; each thing keeps its last ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from bsg_data.errors import RecipeError
+from bsg_models.belief.clock import DAY, HOUR, show_time
+from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject, Sighting
+
+MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
+MOST_IN_ALL = 50_000  # about 5 MB of JSON
+_LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
+
+
+def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
+    """Return the graph at a time, if it is later than its clock.
+
+    Raises:
+        RecipeError: for a time that is years later: a clock that is wrong would make all old.
+    """
+    if graph.now is not None and time > graph.now + _LONGEST_STEP:
+        raise RecipeError(
+            f"{graph.scene_id}: time: {show_time(time)} is more than ten years after the last "
+            f"report, of {show_time(graph.now)}; is the robot's clock right?",
+            code="time-far",
+            where=graph.scene_id,
+        )
+    return replace(graph, now=time if graph.now is None else max(time, graph.now))
+
+
+def say_time(
+    where: str, time: float | None, *, age: float | None, now: float | None
+) -> float | None:
+    """Return the time of a sighting: as it is said, or so many hours before now.
+
+    Without a clock, an age counts from 0.
+
+    Raises:
+        RecipeError: if both are given.
+    """
+    if age is None:
+        return time
+    if time is not None:
+        raise RecipeError(f"{where}: give time or age, not both", code="time-twice", where=where)
+    return (now or 0.0) - age * HOUR
+
+
+def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
+    """Return a graph at the time that it says, and not before its last report.
+
+    One that does not say the time, and has times, is at its last report.
+
+    Raises:
+        RecipeError: for reports of a day after now, or later.
+    """
+    said = [part.time for part in graph.objects]
+    said += [room.time for room in graph.rooms] + [look.time for look in graph.looks]
+    times = [time for time in said if time is not None]
+    times += [seen.time for one in graph.memory for seen in one.sightings]
+    if now is None and not times:
+        return graph
+    latest = max(times, default=-math.inf)
+    if now is not None and latest > now + DAY:
+        raise RecipeError(
+            f"now: {show_time(now)} is before the last report, of {show_time(latest)}; expected "
+            "the same clock for all times",
+            code="time-after-now",
+            where=graph.scene_id,
+        )
+    return replace(graph, now=max(latest, 0.0 if now is None else now))
+
+
+def date_all(graph: PartialGraph, time: float) -> PartialGraph:
+    """Return a graph without a clock as one of which all was seen at a time."""
+    return replace(
+        graph,
+        now=time,
+        objects=tuple(replace(obj, time=time) for obj in graph.objects),
+        rooms=tuple(replace(room, time=time if room.visited else None) for room in graph.rooms),
+        looks=tuple(replace(one, time=time) for one in graph.looks),
+    )
+
+
+def remember(
+    memory: tuple[Remembered, ...], objects: Collection[SeenObject]
+) -> tuple[Remembered, ...]:
+    """Return the memory with where objects were, which are elsewhere now."""
+    kept = {one.name: one for one in memory}
+    for obj in objects:
+        if obj.time is None:
+            continue
+        seen = Sighting(obj.time, obj.room_index, obj.on)
+        before = kept.get(obj.name)
+        sightings = () if before is None else before.sightings
+        kept[obj.name] = Remembered(obj.name, obj.raw_category, _add(sightings, seen))
+    return _bound(kept)
+
+
+def _add(sightings: tuple[Sighting, ...], seen: Sighting) -> tuple[Sighting, ...]:
+    """Return sightings with one more, by time; of those within the hour, the first."""
+    if any(one[1:] == seen[1:] and abs(one.time - seen.time) < HOUR for one in sightings):
+        return sightings
+    return tuple(sorted((*sightings, seen), key=lambda one: one.time)[-MOST_SIGHTINGS:])
+
+
+def _bound(kept: Mapping[str, Remembered]) -> tuple[Remembered, ...]:
+    """Return what is remembered; of too much, each thing keeps its latest sightings."""
+    most = MOST_SIGHTINGS
+    while most > 1 and sum(min(most, len(one.sightings)) for one in kept.values()) > MOST_IN_ALL:
+        most //= 2
+    return tuple(
+        one if len(one.sightings) <= most else replace(one, sightings=one.sightings[-most:])
+        for one in kept.values()
+    )
