@@ -19,6 +19,7 @@ from bsg_robot.answers.nouns import Noun, NounTable
 from bsg_robot.answers.unknown_rooms import Apart, log_odds
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
+_ONE = 0.05  # mean of a Poisson of which hardly any count is above 1
 _LEAST_TILT = 1e-3  # at 0, rooms exclude each other; so they nearly do
 _ROUNDS = 2  # in which the building's mean follows its rooms'
 SHARE_OF_KIND = 0.5  # of shoes that are running shoes, and the like
@@ -270,7 +271,11 @@ def believe_usual(
         odds[0] = log_odds(np.array(whole)) - log_odds(before[:1])[0]
         factor = np.where(counts.presence > 0, odds[:, None], 0.0)
         return counts.with_none_likelier(factor), whole
-    return poisson(-np.log(usual.none.clip(min=_LEAST))[:, None]), whole
+    # Of what was seen, each is one; a small mean with a tilt says so.
+    means = -np.log(usual.none.clip(min=_LEAST))
+    ones = poisson((means.clip(max=_ONE) if usual.names else means)[:, None])
+    odds = log_odds(usual.none[:, None]) - log_odds(1 - ones.presence)
+    return ones.with_none_likelier(np.where(usual.none[:, None] < 1, odds, 0.0)), whole
 
 
 def _none_of_rooms(counts: CountDistribution) -> float:
