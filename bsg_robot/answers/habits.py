@@ -73,6 +73,14 @@ def join(*weights: tuple[Places, float]) -> Places:
     return every
 
 
+def leave(weights: Places, left: Places) -> Places:
+    """Return what is left of the weights of places, or of the rooms of these."""
+    return {
+        (node, piece): weight * min(left.get((node, None), 1.0), left.get((node, piece), 1.0))
+        for (node, piece), weight in weights.items()
+    }
+
+
 class Usual:
     """Where things of one kind are, for N nodes; one thing after the other is added.
 

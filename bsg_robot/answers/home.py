@@ -24,6 +24,7 @@ from bsg_robot.answers.habits import (
     Places,
     Usual,
     join,
+    leave,
     weigh_kin,
     weigh_sightings,
 )
@@ -130,13 +131,13 @@ class Home:
         usual, now = Usual(prior, told.left, unseen), self._said.now or 0.0
         each = {one.name: weigh_sightings(one.sightings, now) for one in own}
         every = join(*((places, 1.0) for places in each.values()))
-        others = join((kin, 1.0), (told.weights, 1.0))
+        others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)
         for one in own:
             weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         number = float(prior[1:].sum())
         if meaning.is_class:  # models count the others where they saw none
-            usual.add_others(number, told.weights)
+            usual.add_others(number, leave(told.weights, told.left))
         else:
             part = OTHERS if own or told.is_own else 1.0
             usual.add_others(part * number, join((every, 1.0), (others, 1.0)))
@@ -149,10 +150,10 @@ class Home:
         own = self.tracks_of(meaning)
         told, now = self._hear(meaning), self._said.now or 0.0
         seen = [sight for one in own for sight in one.sightings]
+        others = join((self._weigh_kin(meaning, own), 1.0), (told.weights, 1.0))
         weights = join(
             (weigh_sightings(seen, now), 1.0),
-            (self._weigh_kin(meaning, own), 1.0),
-            (told.weights, 1.0),
+            (leave(others, told.left), 1.0),
             ({(0, None): PRIOR}, 1.0),
         )
         total, rooms = sum(weights.values()), [None, *(room.name for room in self._said.rooms)]
@@ -183,7 +184,7 @@ class Home:
         left: dict[tuple[int, str | None], float] = {}
         for rank, one in customs:
             places = self._places_of(one)
-            if one.never and rank >= _ITS_GROUP:
+            if one.never and rank >= max(best, _ITS_GROUP):
                 left |= dict.fromkeys(places, NEVER)
             elif places and not one.never and rank == best > 0:
                 share = min(1.0, rank) * TOLD / len(places)
