@@ -86,6 +86,7 @@ class Usual:
 
     Attributes:
         none: `[N]` P(a node has none of them); of the building, P(it has none).
+        there: `[N]` expected number of those that are still where they were seen.
         names: ids of those that were seen.
     """
 
@@ -104,7 +105,8 @@ class Usual:
                 self.prior[node] *= share
         if total := self.prior.sum():
             self.prior /= total
-        self.none, self.names = np.ones(len(prior)), set[str]()
+        self.none, self.there = np.ones(len(prior)), np.zeros(len(prior))
+        self.names: set[str] = set()
         self._loose = np.zeros(len(prior))
         self._pieces: dict[int, dict[str, float]] = defaultdict(dict)
 
@@ -123,6 +125,7 @@ class Usual:
         self.names.add(name)
         numbers = self._spread(moved, weights)
         numbers[last.room_index] += there
+        self.there[last.room_index] += there
         self._put(last.room_index, last.on, there)
         numbers[0] = moved + there
         self.none *= 1 - numbers

@@ -34,12 +34,15 @@ class ThingBelief:
         hidden: hidden counts at each node, `[K, N, 1]`; those of the building are not used.
         none: P(the building hides none).
         searched: `[N]` nodes where a look finds nothing more.
+        old: `[N]` expected number of those that were seen some time ago, and are still there: they
+            are among the hidden.
     """
 
     seen: tuple[tuple[SeenObject, ...], ...]
     hidden: CountDistribution
     none: float
     searched: Bools
+    old: Floats
 
     @cached_property
     def _score(self) -> Floats:
@@ -71,10 +74,15 @@ class ThingBelief:
         whole = whole.clip(rooms.max(), rooms.sum())
         return max(_LEAST_TILT, float(untilt(rooms[:, None], whole)[0]))
 
+    @property
+    def new(self) -> Floats:
+        """P(at least one that was never seen there), `[N]`."""
+        return np.asarray((self.unseen - self.old).clip(min=0.0))
+
     @cached_property
     def expected(self) -> Floats:
-        """Expected number of those that were not seen, `[N]`."""
-        return self.hidden.mean[:, 0]
+        """Expected number of those that were never seen, `[N]`."""
+        return np.asarray((self.hidden.mean[:, 0] - self.old).clip(min=0.0))
 
     @property
     def is_sure(self) -> Bools:
@@ -114,7 +122,7 @@ class ThingBelief:
         if not chances.any():
             return self
         after, none = _look(self.hidden, chances[:, None], whole=np.array([1 - self.none]))
-        return ThingBelief(self.seen, after, float(none[0]), self.searched)
+        return ThingBelief(self.seen, after, float(none[0]), self.searched, self.old)
 
 
 def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution:

@@ -13,12 +13,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.clock import has_stayed
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import (
-    KnownRoom,
-    Look,
-    PartialGraph,
-    SeenObject,
-)
+from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
 from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import Usual
@@ -258,7 +253,10 @@ class WeighedGraph:
             is_old = usual is not None and obj.name in usual.names and obj.probability < 1
             seen[obj.room_index].append(replace(obj, score=0.0) if is_old else obj)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
-        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
+        old = np.zeros(self.nodes)
+        if usual is not None:
+            searched, old = searched & (usual.none == 1), usual.there
+        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched, old)
         return held.after(1 - self._overlook(meaning))
 
     def _hidden_now(self, meaning: Meaning) -> Floats:
@@ -458,12 +456,11 @@ def _age(graph: PartialGraph) -> PartialGraph:
     then = np.array([room.hidden_share for room in graph.rooms])
     slow = (1 - (1 - then) * graph.still_so(np.array(_SLOW))).round(3).tolist()
     rooms = tuple(
-        room
+        replace(room, time=None)
         if room.time is None or room.time >= now
         else replace(room, hidden_share=max(share, _LEAST), time=None)
         for room, share in zip(graph.rooms, slow, strict=True)
     )
-    rooms = tuple(room if room.time is None else replace(room, time=None) for room in rooms)
     return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 
 
