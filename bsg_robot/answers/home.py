@@ -133,6 +133,8 @@ class Home:
         every = join(*((places, 1.0) for places in each.values()))
         others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)
         for one in own:
+            if one.there == 1:  # nobody doubts it, and it is counted as seen
+                continue
             weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         number = float(prior[1:].sum())

@@ -250,7 +250,7 @@ class WeighedGraph:
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
         for obj in self._list_found(meaning):
             # Where it was is one of the places of what may have moved.
-            is_old = usual is not None and obj.name in usual.names and obj.probability < 1
+            is_old = usual is not None and obj.name in usual.names
             seen[obj.room_index].append(replace(obj, score=0.0) if is_old else obj)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
         old = np.zeros(self.nodes)
