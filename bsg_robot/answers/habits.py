@@ -19,13 +19,13 @@ kernel of the hour. Constants are chosen on HOMER (docs/results/habits.md).
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_models.belief.clock import DAY, HOUR
-from bsg_models.belief.partial_graph import Sighting
+from bsg_models.belief.partial_graph import SeenObject, Sighting
 from bsg_robot.things.pieces import Furniture
 
 PRIOR = 0.5  # α, of the prior in all
@@ -157,13 +157,29 @@ class Usual:
             here = self._pieces[node]
             here[piece] = here.get(piece, 0.0) + number
 
-    def furnish(self, furniture: Furniture, node: int) -> Furniture:
-        """Return the furniture of a node with the rates that habits give."""
-        names, known = furniture.names, self._pieces.get(node, {})
-        loose = self._loose[node] + sum(n for piece, n in known.items() if piece not in names)
-        left = [self._left.get((node, piece.name), 1.0) for piece in furniture.pieces]
-        rates = furniture.rates * np.array([*left, 1.0])
-        if not (loose or known) or not rates.sum():
-            return Furniture(furniture.pieces, rates)
-        at = np.array([*(known.get(piece.name, 0.0) for piece in furniture.pieces), 0.0])
-        return Furniture(furniture.pieces, at + loose * rates / rates.sum())
+    def furnish(
+        self, furniture: Furniture | None, node: int, objects: Sequence[SeenObject]
+    ) -> Furniture | None:
+        """Return the furniture of a node with the rates that habits give.
+
+        What such things were seen on is a piece, too: a knife block, the floor.
+
+        Args:
+            furniture: without habits; None for what stands by itself.
+            node: of the room.
+            objects: in it.
+        """
+        known = {piece: n for piece, n in self._pieces.get(node, {}).items() if n}
+        if furniture is None and not known:
+            return None
+        before = furniture or Furniture((), np.ones(1))
+        more = tuple(o for o in objects if o.name in known and o not in before.pieces)
+        left = [self._left.get((node, piece.name), 1.0) for piece in before.pieces]
+        *each, rest = before.rates
+        rates = np.array([*(each * np.array(left)), *np.zeros(len(more)), rest])
+        pieces, loose = (*before.pieces, *more), float(self._loose[node])
+        at = np.array([*(known.pop(piece.name, 0.0) for piece in pieces), 0.0])
+        loose += sum(known.values())  # on what is no longer there
+        if not (loose or at.any()) or not rates.sum():
+            return Furniture(pieces, rates)
+        return Furniture(pieces, at + loose * rates / rates.sum())

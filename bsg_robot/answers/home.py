@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -100,13 +100,23 @@ class Home:
             if obj.time is None and known is None:
                 continue
             last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
-            sightings = (*(known.sightings if known else ()), *last)
+            sightings = self._place([*(known.sightings if known else ()), *last])
             still = self._still[obj.name]
             # A sighting that was wrong is of no object that may be elsewhere.
             moved = EXISTS * (obj.probability - still)
             tracks.append(Track(obj.name, obj.raw_category, sightings, still, moved))
-        gone = (Track(o.name, o.raw_category, o.sightings, 0.0, EXISTS) for o in before.values())
+        gone = (
+            Track(one.name, one.raw_category, self._place(one.sightings), 0.0, EXISTS)
+            for one in before.values()
+        )
         return (*tracks, *gone)
+
+    def _place(self, sightings: Iterable[Sighting]) -> tuple[Sighting, ...]:
+        """Return sightings with the piece of furniture on which all that lies: a tray's table."""
+        return tuple(
+            one._replace(on=self._pieces(one.room_index).on.get(one.on, one.on) if one.on else None)
+            for one in sightings
+        )
 
     def tracks_of(self, meaning: Meaning) -> list[Track]:
         """Return the tracks of things of a meaning."""

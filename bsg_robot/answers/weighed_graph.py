@@ -377,9 +377,8 @@ class WeighedGraph:
             tidy=tidy,
             kinds=self.kinds.said[node - 1],
         )
-        if found is None or (usual := self.find_usual(meaning)) is None:
-            return found
-        return usual.furnish(found, node)
+        usual = self.find_usual(meaning)
+        return found if usual is None else usual.furnish(found, node, self.objects_of(node))
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
