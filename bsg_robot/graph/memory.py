@@ -16,7 +16,7 @@ from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject
 
 MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
 MOST_IN_ALL = 50_000  # about 5 MB of JSON
-_LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
+LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
 
 
 def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
@@ -25,7 +25,7 @@ def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
     Raises:
         RecipeError: for a time that is years later: a clock that is wrong would make all old.
     """
-    if graph.now is not None and time > graph.now + _LONGEST_STEP:
+    if graph.now is not None and time > graph.now + LONGEST_STEP:
         raise RecipeError(
             f"{graph.scene_id}: time: {show_time(time)} is more than ten years after the last "
             f"report, of {show_time(graph.now)}; is the robot's clock right?",

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -103,6 +104,7 @@ class BeliefNode:
             node.create_subscription(*detections, qos_profile_sensor_data)
         node.create_service(Trigger, "~/reset", self.reset)
         node.create_timer(said["period"], self.tell)
+        self.tell_time()
         self.tell()
 
     def _open(self, graph: Any) -> SeenBuilding:
@@ -112,8 +114,15 @@ class BeliefNode:
         self.log.info(f"{_count(seen)} by {self.model} from {graph or 'no file'}")
         return seen
 
+    def tell_time(self) -> None:
+        """Tell the robot the time; a simulator's clock that does not run yet says 0."""
+        clock = self.node.get_clock().now().nanoseconds / 1e9
+        if clock and (note := self.robot.tell_time(clock)):
+            self.log.warning(note)
+
     def hear(self, topic: str, message: String) -> None:
         """Answer a text."""
+        self.tell_time()
         answer = self.robot.hear(topic, message.data)
         if "error" in answer:
             self.log.warning(make_line(f"~/{topic}: {answer['error']}"))
@@ -127,9 +136,12 @@ class BeliefNode:
 
     def detect(self, message: Any) -> None:
         """Note what a detector saw from the room where the robot is."""
+        self.tell_time()
+        stamp = message.header.stamp
+        time = self.robot.date(stamp.sec + stamp.nanosec / 1e9)
         seen: list[str] = []  # in this message: each of its detections is another object
         for said in read_detections(message, frame=self.frame, min_score=self.min_score):
-            answer = self.robot.answer("saw", said | {"besides": seen})
+            answer = self.robot.answer("saw", said | {"time": time, "besides": seen})
             seen += [answer["object"]] if "object" in answer else []
             for note in answer.get("notes", ()):
                 self.say_once(self.log.info, f"~/detections: {note}")
@@ -150,6 +162,7 @@ class BeliefNode:
         try:
             self.robot = Robot(self._open(self.graph))
             self.thing = None
+            self.tell_time()
             self.tell()
             answer.success, answer.message = True, _count(self.robot.seen)
         except BSGError as error:
@@ -159,7 +172,7 @@ class BeliefNode:
     def tell(self) -> None:
         """Publish what is new, and keep it: at most once a period, because sightings come often."""
         seen = self.robot.seen
-        if seen.graph is not self.published:
+        if not _says_the_same(seen.graph, self.published):
             self.graphs.publish(String(data=_encode(seen)))
             self.published = seen.graph
         now = (seen.graph, self.thing)
@@ -171,7 +184,7 @@ class BeliefNode:
     def keep(self) -> None:
         """Write the state; a full disk does not stop the node, which tries again."""
         seen = self.robot.seen
-        if self.state is not None and seen.graph is not self.kept:
+        if self.state is not None and not _says_the_same(seen.graph, self.kept):
             try:
                 write_bytes(self.state, _encode(seen).encode())
                 self.kept = seen.graph
@@ -223,6 +236,11 @@ def _declare(node: Any, name: str) -> Any:
         description=meaning, read_only=True, floating_point_range=spans
     )
     return node.declare_parameter(name, default, descriptor).value
+
+
+def _says_the_same(graph: PartialGraph, before: PartialGraph | None) -> bool:
+    """Return whether nothing was reported since; time passes by itself."""
+    return before is not None and replace(graph, now=before.now) == before
 
 
 def _encode(seen: SeenBuilding) -> str:
