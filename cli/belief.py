@@ -23,6 +23,7 @@ from bsg_cli.options import (
     mask_options,
     model_option,
     number_option,
+    read_now_option,
     refuse_unused,
     room_labels_option,
     search_options,
@@ -39,7 +40,7 @@ _MOST_ROWS = 60
 _MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
 _OF_DATASET, _OF_GRAPH = (
     ("split", "scene", "mask", "fraction"),
-    ("labels", "room_labels", "shares", "find"),
+    ("labels", "room_labels", "now", "shares", "find"),
 )
 _OF_SEARCH = ("here", "robots", "costs", "looks", "chance", "task", "budget", "speed")
 _PAGES = (".html", ".htm")
@@ -53,6 +54,13 @@ _PAGES = (".html", ".htm")
 @mask_options("Of a DATASET: how to hide objects.", "Of a DATASET: share of the objects to hide.")
 @click.option("--labels", metavar="SPACE", help="Label space of Hydra: mpcat40, ade20k, or a file.")
 @room_labels_option
+@click.option(
+    "--now",
+    callback=read_now_option,
+    metavar="TIME",
+    help="What time it is: `now`, ISO 8601 with a zone, or seconds of the graph's clock.  "
+    "[default: that of the graph]",
+)
 @click.option(
     "--hidden-share",
     "shares",
@@ -132,10 +140,11 @@ def main(
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
         raise click.UsageError("--open shows a page; add --out FILE.html")
-    model, labels, own = (options.pop(name) for name in ("model", "labels", "room_labels"))
+    model, now = options.pop("model"), options.pop("now")
+    reading = {name: options.pop(name) for name in ("labels", "room_labels")}
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
-    files = [_open_graph(path, labels, own, shares) for path in graphs]
+    files = [_open_graph(path, shares, now, **reading) for path in graphs]
     note = _say_nothing if quiet else print_note
     if model is None:
         model = bsg_models.DEFAULT_MODEL
@@ -254,15 +263,15 @@ def _ask(
     return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)
 
 
-def _open_graph(
-    path: Path, labels: str | None, own: Path | None, shares: dict[str, Any]
-) -> GraphFile:
+def _open_graph(path: Path, shares: dict[str, Any], now: float | None, **reading: Any) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
     from bsg_robot.answers.words import set_hidden_shares
     from bsg_robot.graph.graph_file import open_graph_file
+    from bsg_robot.graph.memory import pass_until
 
-    file = open_graph_file(path, labels=labels, room_labels=own)
-    return replace(file, graph=set_hidden_shares(file.graph, **shares))
+    file = open_graph_file(path, **reading)
+    graph = set_hidden_shares(file.graph, **shares)
+    return replace(file, graph=graph if now is None else pass_until(graph, now))
 
 
 def _read_shares(said: Sequence[str]) -> dict[str, Any]:

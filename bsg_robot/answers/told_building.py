@@ -10,7 +10,6 @@ from datetime import datetime
 from functools import wraps
 from itertools import count
 from threading import RLock
-from time import time as clock
 from typing import Concatenate, ParamSpec, TypeVar
 
 from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
@@ -22,7 +21,7 @@ from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_models.belief.clock import HOUR, read_time, show_time
+from bsg_models.belief.clock import HOUR, read_now, read_time
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -217,9 +216,11 @@ class ToldBuilding:
         graph = self.graph if age is None else memory.tell_time(self.graph, self.graph.now or 0.0)
         return memory.tell_time(graph, said), said
 
-    def _read_time(self, where: str, time: object) -> float:
+    def _read_time(
+        self, where: str, time: object, *, read: Callable[[object], float] = read_time
+    ) -> float:
         try:
-            return read_time(time)
+            return read(time)
         except ValueError as error:
             raise RecipeError(
                 f"{where}: time: {error}", code="time-impossible", where=where
@@ -561,22 +562,14 @@ class ToldBuilding:
         """
         if (hours is None) == (until is None):
             raise RecipeError("passes: give hours or until", code="time-unsaid")
-        graph, step = self.graph, 0.0
+        graph = self.graph
         if hours is not None:
             step = HOUR * read_number("passes: hours", hours, most=_MOST_HOURS)
+            graph = memory.pass_until(graph, graph.now or 0.0)
             now = (graph.now or 0.0) + step
         else:
-            now = clock() if until == "now" else self._read_time("passes", until)
-        if graph.now is None:
-            graph = memory.date_all(graph, now - step)
-        elif now < graph.now:
-            raise RecipeError(
-                f"passes: expected a time after {show_time(graph.now)}, that of the last report, "
-                f"found {show_time(now)}",
-                code="time-back",
-                where=graph.scene_id,
-            )
-        self._change(memory.tell_time(graph, now))
+            now = self._read_time("passes", until, read=read_now)
+        self._change(memory.pass_until(graph, now))
 
     @alone
     def keeps(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:

@@ -6,7 +6,6 @@ place, is one sighting; each thing keeps its last ones.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
@@ -35,6 +34,32 @@ def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
     return replace(graph, now=time if graph.now is None else max(time, graph.now))
 
 
+def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
+    """Return the graph at a later time; all that a graph without a clock holds was seen then.
+
+    Raises:
+        RecipeError: for a time before the last report, or years after it.
+    """
+    if graph.now is None:
+        graph = date_all(graph, now)
+    elif now < graph.now:
+        raise RecipeError(
+            f"{graph.scene_id}: now: expected a time after {show_time(graph.now)}, that of the "
+            f"last report, found {show_time(now)}",
+            code="time-back",
+            where=graph.scene_id,
+        )
+    return tell_time(graph, now)
+
+
+def find_latest(graph: PartialGraph) -> float | None:
+    """Return the time of the last report; None if no report has one."""
+    said = [seen.time for one in graph.memory for seen in one.sightings]
+    for parts in (graph.objects, graph.rooms, graph.looks):
+        said += [part.time for part in parts if part.time is not None]
+    return max(said, default=None)
+
+
 def say_time(
     where: str, time: float | None, *, age: float | None, now: float | None
 ) -> float | None:
@@ -60,13 +85,9 @@ def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
     Raises:
         RecipeError: for reports of a day after now, or later.
     """
-    said = [part.time for part in graph.objects]
-    said += [room.time for room in graph.rooms] + [look.time for look in graph.looks]
-    times = [time for time in said if time is not None]
-    times += [seen.time for one in graph.memory for seen in one.sightings]
-    if now is None and not times:
-        return graph
-    latest = max(times, default=-math.inf)
+    latest = find_latest(graph)
+    if latest is None:
+        return replace(graph, now=now)
     if now is not None and latest > now + DAY:
         raise RecipeError(
             f"now: {show_time(now)} is before the last report, of {show_time(latest)}; expected "

@@ -88,7 +88,7 @@ class BeliefNode:
             held.enter_context(hold(self.state))  # of no other node at a time
         goes_on = self.state is not None and self.state.exists()
         try:
-            self.robot = Robot(self._open(self.state if goes_on else self.graph))
+            self._open(self.state if goes_on else self.graph)
         except RobotGraphError as error:
             if not goes_on:
                 raise
@@ -104,15 +104,15 @@ class BeliefNode:
             node.create_subscription(*detections, qos_profile_sensor_data)
         node.create_service(Trigger, "~/reset", self.reset)
         node.create_timer(said["period"], self.tell)
-        self.tell_time()
         self.tell()
 
-    def _open(self, graph: Any) -> SeenBuilding:
+    def _open(self, graph: Any) -> None:
         seen = open_graph(graph or _NOTHING, model=self.model, room_labels=self.room_labels)
+        self.robot = Robot(seen)
+        self.tell_time()
         for note in seen.notes:
             self.log.info(make_line(note))
         self.log.info(f"{_count(seen)} by {self.model} from {graph or 'no file'}")
-        return seen
 
     def tell_time(self) -> None:
         """Tell the robot the time; a simulator's clock that does not run yet says 0."""
@@ -160,9 +160,8 @@ class BeliefNode:
     def reset(self, _: Any, answer: Any) -> Any:
         """Begin with the parameter `graph` again."""
         try:
-            self.robot = Robot(self._open(self.graph))
+            self._open(self.graph)
             self.thing = None
-            self.tell_time()
             self.tell()
             answer.success, answer.message = True, _count(self.robot.seen)
         except BSGError as error:
