@@ -140,11 +140,10 @@ def main(
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
         raise click.UsageError("--open shows a page; add --out FILE.html")
-    model, now = options.pop("model"), options.pop("now")
-    reading = {name: options.pop(name) for name in ("labels", "room_labels")}
+    model, labels, own = (options.pop(name) for name in ("model", "labels", "room_labels"))
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
-    files = [_open_graph(path, shares, now, **reading) for path in graphs]
+    files = [_open_graph(path, labels, own, shares) for path in graphs]
     note = _say_nothing if quiet else print_note
     if model is None:
         model = bsg_models.DEFAULT_MODEL
@@ -156,7 +155,7 @@ def main(
     search |= {"here": here, "robots": _read_robots(robots), "look": _read_looks(looks)}
     search["costs"] = _read_costs(costs)
     if find:
-        answer = _ask(files[0], model, find, search, as_json=as_json, note=note)
+        answer = _ask(files[0], model, find, search, options["now"], as_json=as_json, note=note)
     if options["out"] or not find:
         from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 
@@ -241,6 +240,7 @@ def _ask(
     model: Path | str,
     things: Sequence[str],
     search: dict[str, Any],
+    now: float | None,
     *,
     as_json: bool,
     note: Callable[[str], None],
@@ -258,20 +258,22 @@ def _ask(
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
     seen = bsg_robot.SeenBuilding(graph, predictor, notes=file.notes)
+    if now is not None:
+        seen.passes(until=now)
     for said in seen.notes:
         note(f"{file.path}: {said}")
     return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)
 
 
-def _open_graph(path: Path, shares: dict[str, Any], now: float | None, **reading: Any) -> GraphFile:
+def _open_graph(
+    path: Path, labels: str | None, own: Path | None, shares: dict[str, Any]
+) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
     from bsg_robot.answers.words import set_hidden_shares
     from bsg_robot.graph.graph_file import open_graph_file
-    from bsg_robot.graph.memory import pass_until
 
-    file = open_graph_file(path, **reading)
-    graph = set_hidden_shares(file.graph, **shares)
-    return replace(file, graph=graph if now is None else pass_until(graph, now))
+    file = open_graph_file(path, labels=labels, room_labels=own)
+    return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 
 def _read_shares(said: Sequence[str]) -> dict[str, Any]:

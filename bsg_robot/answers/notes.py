@@ -9,14 +9,12 @@ from bsg_data.dataset.manifest import describe_unmapped
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_data.words.shown import SHOWN
-from bsg_models.belief.clock import show_time
 from bsg_models.belief.hidden_share import VAGUE
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.kinds import SURE, RoomKinds
 from bsg_robot.answers.ways import list_lost
 from bsg_robot.answers.words import find_everyday, find_kind
-from bsg_robot.graph.memory import find_latest
 from bsg_robot.graph.robot_json import list_unmapped, note_room_types
 from bsg_robot.things.things import classify_seen
 
@@ -29,8 +27,6 @@ def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> I
 
     `kinds` has those of its rooms, and of rooms that are not found yet.
     """
-    if graph.now is not None and graph.now == find_latest(graph):
-        yield f"answers are as of the last report, {show_time(graph.now)}; say `now` if it is later"
     yield from _note_names(graph, predictor.class_map)
     yield from note_room_types(graph)
     yield from _note_kinds(graph, kinds)

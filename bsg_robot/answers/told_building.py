@@ -21,7 +21,7 @@ from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_models.belief.clock import HOUR, read_now, read_time
+from bsg_models.belief.clock import HOUR, read_now, read_time, show_time
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -94,6 +94,7 @@ class ToldBuilding:
         self._notes = notes
         self._lock = RLock()
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
+        self._opened = graph.now  # what time it was
         self._named = 0  # the highest number of an id that was given
         self._now = self._weigh_looks(understand_rooms(graph))
 
@@ -111,7 +112,10 @@ class ToldBuilding:
         words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
         ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
         notes = note_graph(self.graph, self._words.own, self._now.kinds)
-        return (*self._notes, *notes, *(ignored if lost else ()))
+        now = self.graph.now
+        late = (f"answers are as of {show_time(now)}; say `now` if it is later",)
+        is_late = now is not None and now == self._opened
+        return (*self._notes, *(late if is_late else ()), *notes, *(ignored if lost else ()))
 
     @property
     def model(self) -> str:

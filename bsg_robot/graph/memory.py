@@ -52,7 +52,7 @@ def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
     return tell_time(graph, now)
 
 
-def find_latest(graph: PartialGraph) -> float | None:
+def _find_latest(graph: PartialGraph) -> float | None:
     """Return the time of the last report; None if no report has one."""
     said = [seen.time for one in graph.memory for seen in one.sightings]
     for parts in (graph.objects, graph.rooms, graph.looks):
@@ -85,7 +85,7 @@ def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
     Raises:
         RecipeError: for reports of a day after now, or later.
     """
-    latest = find_latest(graph)
+    latest = _find_latest(graph)
     if latest is None:
         return replace(graph, now=now)
     if now is not None and latest > now + DAY:

@@ -338,8 +338,11 @@ class Robot:
 
     def passes(self, said: Passes) -> Answer:
         """Note that time has passed."""
+        before = self.seen.graph.now
         self.seen.passes(said.hours, until=said.until)
-        return {"now": show_time(self.seen.graph.now)}
+        now = self.seen.graph.now or 0.0
+        self._ahead += 0.0 if before is None else now - before
+        return {"now": show_time(now)}
 
     def keeps(self, said: Keeps) -> Answer:
         """Note where people keep a thing."""

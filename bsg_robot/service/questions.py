@@ -25,7 +25,6 @@ from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.graph.graph_file import parse_graph
 from bsg_robot.graph.map_forms import FORM
-from bsg_robot.graph.memory import pass_until
 from bsg_robot.graph.reports import reclassify
 
 MOST_ROOMS = 500  # of a map
@@ -454,6 +453,7 @@ class Service:
                 where="map",
             )
         graph = reclassify(file.graph, self._predictor.class_map)
+        seen = SeenBuilding(graph, self._predictor, notes=file.notes)
         if asked.now is not None:
-            graph = pass_until(graph, asked.now)
-        return SeenBuilding(graph, self._predictor, notes=file.notes)
+            seen.passes(until=asked.now)
+        return seen
