@@ -55,7 +55,7 @@ def read_now(said: object) -> float:
         ValueError: for anything else.
     """
     if said == "now":
-        return clock()
+        return round(clock(), 6)
     try:
         return read_time(float(said) if isinstance(said, str) else said)
     except ValueError:
@@ -63,12 +63,12 @@ def read_now(said: object) -> float:
 
 
 def show_time(time: float | None) -> str | float | None:
-    """Return a time as a document has it: a date in UTC, or seconds of a clock without one.
+    """Return a time as a document has it: a date in UTC, or seconds of a clock without dates.
 
     >>> show_time(1732800000.0), show_time(3600.0)
     ('2024-11-28T13:20:00Z', 3600.0)
     """
-    if time is None or time < _DATED:
+    if time is None or time < _DATED or time != round(time, 6):  # dates have microseconds
         return time
     return datetime.fromtimestamp(time, timezone.utc).isoformat().replace("+00:00", "Z")
 

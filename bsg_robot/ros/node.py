@@ -116,7 +116,7 @@ class BeliefNode:
 
     def tell_time(self) -> None:
         """Tell the robot the time; a simulator's clock that does not run yet says 0."""
-        clock = self.node.get_clock().now().nanoseconds / 1e9
+        clock = self.node.get_clock().now().nanoseconds // 1000 / 1e6
         if clock and (note := self.robot.tell_time(clock)):
             self.log.warning(note)
 
