@@ -81,7 +81,7 @@ def say_ago(shown: str | float, now: float) -> str:
     """
     hours = (now - read_time(shown)) / HOUR
     if hours < 1:
-        return "within the hour"
+        return "<1 h ago"
     return f"{hours:.0f} h ago" if hours < 48 else f"{hours / 24:.0f} days ago"
 
 
