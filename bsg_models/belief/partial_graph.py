@@ -368,21 +368,20 @@ class PartialGraph:
             return after / len(shares) if after else self.hidden_share
         return min(1.0, self.hidden_share * after / before)
 
-    def hidden_now(self, stays: Floats) -> Floats:
-        """Return the share of the things of each room that the robot has not seen, `[..., R]`.
+    def still_so(self, stays: Floats) -> Floats:
+        """Return the share of the things of each room that did not move since, `[..., R]`.
 
-        What it saw of a room hides nothing that stays; of things that move, 2^(−age / stays) are
-        still the same.
+        It is 2^(−age / stays) of what was seen of a room; 1 if nobody says when.
 
         Args:
-            stays: hours after which half of some things are elsewhere, `[...]`.
+            stays: hours after which half of some things are elsewhere, `[...]`; those of the graph
+                count before.
         """
-        hidden = np.array([room.hidden_share for room in self.rooms])
-        if self.now is None:
-            return np.broadcast_to(hidden, (*stays.shape, len(hidden)))
-        times = [self.now if room.time is None else room.time for room in self.rooms]
-        hours = (self.now - np.array(times, dtype=np.float64)).clip(min=0) / HOUR
-        return np.asarray(1 - (1 - hidden) * 2.0 ** (-hours / stays[..., None]))
+        stays = stays if self.stays is None else np.full_like(stays, self.stays)
+        now = self.now or 0.0
+        times = [now if room.time is None or self.now is None else room.time for room in self.rooms]
+        hours = (now - np.array(times, dtype=np.float64)).clip(min=0) / HOUR
+        return np.asarray(2.0 ** (-hours / stays[..., None]))
 
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""

@@ -136,15 +136,14 @@ class Dictionary:
         thing = None if meaning is None else self.thing_of(meaning)
         return _STAYS if thing is None else thing.stays
 
-    def group(self, word: str) -> str | None:
-        """Return the group of things that a thing is of; None if no table says it."""
-        meaning = self.look_up(word)
+    def groups(self, meaning: Meaning | None) -> tuple[str, ...]:
+        """Return the groups of things that a thing is of; none if no table says it."""
         thing = None if meaning is None else self.thing_of(meaning)
-        return None if thing is None else thing.group
+        return () if thing is None else thing.groups
 
     def is_of(self, group: str) -> Callable[[str], bool]:
         """Return whether a word names a group of things, or one of them."""
-        return lambda word: (find_group(word) or self.group(word)) == group
+        return lambda word: group in (find_group(word), *self.groups(self.look_up(word)))
 
     def names(self, meaning: Meaning) -> Callable[[str], bool]:
         """Return whether a robot's word for an object names a thing of this meaning."""

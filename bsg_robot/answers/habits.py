@@ -10,10 +10,10 @@ usually are in this home. A place has the weight
     α · prior + Σ over the sightings of the thing there: (base + same time of the day)
       + what other such things, things of the group, and people tell
 
-The prior is that of all answers: tables of things, kinds and pieces, and models. It is that of a
-home that nobody knows, and stands beside α = 1 sighting. This is a renewal process whose jumps
-forget where they begin; the weights are a Dirichlet posterior with a kernel of the hour. Weights
-are chosen on HOMER (docs/results/habits.md).
+The prior is that of all answers: tables of things, kinds and pieces, and models. Sightings count
+less as they get older, so that two weeks of a new habit weigh as much as an old one. This is a
+renewal process whose jumps forget where they begin; the weights are a Dirichlet posterior with a
+kernel of the hour. Constants are chosen on HOMER (docs/results/habits.md).
 """
 
 from __future__ import annotations
@@ -28,18 +28,20 @@ from bsg_models.belief.clock import DAY, HOUR
 from bsg_models.belief.partial_graph import Sighting
 from bsg_robot.things.pieces import Furniture
 
-PRIOR = 1.0  # α, of the prior in all, in sightings
+PRIOR = 0.5  # α, of the prior in all
 _BASE = 0.6  # of each sighting
-_SAME_HOUR = 1.0  # of a sighting at this time of another day
+_SAME_HOUR = 2.0  # of a sighting at this time of another day, besides
 _NEAR = 2.0  # hours that are the same time of the day
+_OLD, _NEW = 30.0, 4.0  # days after which half of the weight of sightings is left, of
+_LASTS = 1 / 3  # this part, and of the rest
 ALIKE = 0.3  # of the sightings of another thing that is called alike
 _KIN = 3.0  # most that sightings of other things of the group weigh, in all
 _HALF_KIN = 10.0  # sightings of them that weigh half of that
-TOLD = 20.0  # of what people say
+TOLD = 10.0  # of what people say: as two weeks of daily sightings
 TOLD_KIN = 0.3  # of what people say of another thing of the group
-NEVER = 0.02  # of the prior, where people say that a thing never is
+NEVER = 0.001  # of the prior, where people say that a thing never is
 OTHERS = 0.1  # of the number that the table expects, besides those that were seen here
-KEPT = 0.9  # P(a home has a thing of which people say where they keep it)
+KEPT = 2.3  # expected number of a thing of which people say where they keep it: P of .9
 EXISTS = 0.97  # P(a thing that this home has had is still in it)
 
 Places = Mapping[tuple[int, str | None], float]  # room and piece (None: unknown) → weight
@@ -50,7 +52,9 @@ def weigh_sightings(sightings: Iterable[Sighting], now: float) -> Places:
     weights: dict[tuple[int, str | None], float] = defaultdict(float)
     for time, room, on in sightings:
         apart = abs((now - time + DAY / 2) % DAY - DAY / 2) / HOUR
-        weights[room, on] += _BASE + (_SAME_HOUR if apart <= _NEAR else 0.0)
+        days = max(0.0, now - time) / DAY
+        lasting = _LASTS * 2 ** (-days / _OLD) + (1 - _LASTS) * 2 ** (-days / _NEW)
+        weights[room, on] += lasting * (_BASE + (_SAME_HOUR if apart <= _NEAR else 0.0))
     return weights
 
 
@@ -69,11 +73,21 @@ def join(*weights: tuple[Places, float]) -> Places:
     return every
 
 
+def leave(weights: Places, left: Places) -> Places:
+    """Return what is left of the weights of places, or of the rooms of these."""
+    return {
+        (node, piece): weight * min(left.get((node, None), 1.0), left.get((node, piece), 1.0))
+        for (node, piece), weight in weights.items()
+    }
+
+
 class Usual:
-    """Where things of one kind usually are, for N nodes; one thing after the other is added.
+    """Where things of one kind are, for N nodes; one thing after the other is added.
 
     Attributes:
-        none: `[N]` P(a node has none that was not seen); of the building, as all nodes together.
+        none: `[N]` P(a node has none of them); of the building, P(it has none).
+        there: `[N]` expected number of those that are still where they were seen.
+        names: ids of those that were seen.
     """
 
     def __init__(self, prior: Floats, left: Places, hide: Floats) -> None:
@@ -91,34 +105,57 @@ class Usual:
                 self.prior[node] *= share
         if total := self.prior.sum():
             self.prior /= total
-        self.none = np.ones(len(prior))
+        self.none, self.there = np.ones(len(prior)), np.zeros(len(prior))
+        self.names: set[str] = set()
         self._loose = np.zeros(len(prior))
         self._pieces: dict[int, dict[str, float]] = defaultdict(dict)
 
-    def add(self, number: float, weights: Places, *, is_one: bool = True) -> None:
-        """Add a thing, or a number of them, which is where the weights and the prior say.
+    def add(
+        self, moved: float, weights: Places, *, there: float = 0.0, last: Sighting, name: str
+    ) -> None:
+        """Add a thing that was seen.
 
         Args:
-            number: expected, of unseen ones; of one thing, the probability.
+            moved: P(it is not where it was seen last, and is where the weights and the prior say).
             weights: of places, beside those of the prior.
-            is_one: whether it is one thing, which is in one place.
+            there: P(it is where it was seen last).
+            last: the last sighting.
+            name: its id.
         """
+        self.names.add(name)
+        numbers = self._spread(moved, weights)
+        numbers[last.room_index] += there
+        self.there[last.room_index] += there
+        self._put(last.room_index, last.on, there)
+        numbers[0] = moved + there
+        self.none *= 1 - numbers
+
+    def add_others(self, number: float, weights: Places) -> None:
+        """Add an expected number of things that nobody saw."""
+        numbers = self._spread(number, weights)
+        numbers[0] = number
+        self.none *= np.exp(-numbers)
+
+    def _spread(self, number: float, weights: Places) -> Floats:
+        """Put a number of things where the weights and the prior say; return it by node, `[N]`."""
+        numbers = np.zeros(len(self.prior))
         weights = {place: weight * self._hide[place[0]] for place, weight in weights.items()}
         total = PRIOR * self.prior.sum() + sum(weights.values())
         if not total or not number:
-            return
-        loose, each = PRIOR * self.prior, np.zeros(len(self.prior))
+            return numbers
+        numbers += number * PRIOR * self.prior / total
+        self._loose += numbers
         for (node, piece), weight in weights.items():
-            if piece is None:
-                loose[node] += weight
-            else:
-                each[node] += weight
-                here = self._pieces[node]
-                here[piece] = here.get(piece, 0.0) + number * weight / total
-        self._loose += number * loose / total
-        every = number * (loose + each) / total
-        every[0] = number
-        self.none *= 1 - every if is_one else np.exp(-every)
+            numbers[node] += number * weight / total
+            self._put(node, piece, number * weight / total)
+        return numbers
+
+    def _put(self, node: int, piece: str | None, number: float) -> None:
+        if piece is None:
+            self._loose[node] += number
+        else:
+            here = self._pieces[node]
+            here[piece] = here.get(piece, 0.0) + number
 
     def furnish(self, furniture: Furniture, node: int) -> Furniture:
         """Return the furniture of a node with the rates that habits give."""

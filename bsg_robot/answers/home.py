@@ -24,6 +24,7 @@ from bsg_robot.answers.habits import (
     Places,
     Usual,
     join,
+    leave,
     weigh_kin,
     weigh_sightings,
 )
@@ -43,12 +44,14 @@ class Track:
         name: its id.
         word: for it.
         sightings: all that are remembered, and the last.
-        moved: P(it is in this home, and not where it was seen last).
+        there: P(it is where it was seen last), before looks.
+        moved: P(it is elsewhere in this home).
     """
 
     name: str
     word: str
     sightings: tuple[Sighting, ...]
+    there: float
     moved: float
 
 
@@ -66,7 +69,7 @@ class Home:
 
     Args of `__init__`:
         said: the graph as the robot said it.
-        left: object → P(it is where it was seen), before looks and after.
+        still: object → P(it is where it was seen), before looks.
         words: what words mean.
         pieces: node → its furniture.
     """
@@ -74,12 +77,12 @@ class Home:
     def __init__(
         self,
         said: PartialGraph,
-        left: Mapping[str, tuple[float, float]],
+        still: Mapping[str, float],
         words: Dictionary,
         *,
         pieces: Callable[[int], SeenPieces],
     ) -> None:
-        self._said, self._left, self._words, self._pieces = said, left, words, pieces
+        self._said, self._still, self._words, self._pieces = said, still, words, pieces
         self._nodes = range(1, 1 + len(said.rooms))
 
     @property
@@ -98,17 +101,12 @@ class Home:
                 continue
             last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
             sightings = (*(known.sightings if known else ()), *last)
-            tracks.append(Track(obj.name, obj.raw_category, sightings, self._has_moved(obj)))
-        gone = (Track(o.name, o.raw_category, o.sightings, EXISTS) for o in before.values())
+            still = self._still[obj.name]
+            # A sighting that was wrong is of no object that may be elsewhere.
+            moved = EXISTS * (obj.probability - still)
+            tracks.append(Track(obj.name, obj.raw_category, sightings, still, moved))
+        gone = (Track(o.name, o.raw_category, o.sightings, 0.0, EXISTS) for o in before.values())
         return (*tracks, *gone)
-
-    def _has_moved(self, obj: SeenObject) -> float:
-        """Return P(an object is in this home, and not where it was seen), after looks there."""
-        still, there = self._left[obj.name]
-        if obj.score is None or still == 1:
-            return EXISTS * (1 - there)
-        # A sighting that was wrong is of no object that may be elsewhere.
-        return EXISTS * (obj.probability - still) * (1 - there) / (1 - still)
 
     def tracks_of(self, meaning: Meaning) -> list[Track]:
         """Return the tracks of things of a meaning."""
@@ -126,38 +124,38 @@ class Home:
             prior: `[N]` expected number of unseen ones, without this home.
             unseen: `[N]` P(one that is at a node was not seen there).
         """
-        own, thing = self.tracks_of(meaning), self._words.thing_of(meaning)
-        group = None if thing is None else thing.group
-        kin, told = self._weigh_kin(group, own), self._hear(meaning, group)
+        own = self.tracks_of(meaning)
+        kin, told = self._weigh_kin(meaning, own), self._hear(meaning)
         if not (own or kin or told.weights or told.left):
             return None
         usual, now = Usual(prior, told.left, unseen), self._said.now or 0.0
         each = {one.name: weigh_sightings(one.sightings, now) for one in own}
         every = join(*((places, 1.0) for places in each.values()))
-        others = join((kin, 1.0), (told.weights, 1.0))
+        others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)
         for one in own:
+            if one.there == 1:  # nobody doubts it, and it is counted as seen
+                continue
             weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
-            usual.add(one.moved, weights)
+            usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         number = float(prior[1:].sum())
         if meaning.is_class:  # models count the others where they saw none
-            usual.add(number, told.weights, is_one=False)
+            usual.add_others(number, leave(told.weights, told.left))
         else:
             part = OTHERS if own or told.is_own else 1.0
-            usual.add(part * number, join((every, 1.0), (others, 1.0)), is_one=False)
+            usual.add_others(part * number, join((every, 1.0), (others, 1.0)))
         if told.is_own and not own:
-            usual.add(KEPT, others)
+            usual.add_others(KEPT, others)
         return usual
 
     def list_habits(self, meaning: Meaning) -> tuple[Habit, ...]:
         """Return the places that such things have in this home, the likeliest first."""
-        own, thing = self.tracks_of(meaning), self._words.thing_of(meaning)
-        group = None if thing is None else thing.group
-        told, now = self._hear(meaning, group), self._said.now or 0.0
+        own = self.tracks_of(meaning)
+        told, now = self._hear(meaning), self._said.now or 0.0
         seen = [sight for one in own for sight in one.sightings]
+        others = join((self._weigh_kin(meaning, own), 1.0), (told.weights, 1.0))
         weights = join(
             (weigh_sightings(seen, now), 1.0),
-            (self._weigh_kin(group, own), 1.0),
-            (told.weights, 1.0),
+            (leave(others, told.left), 1.0),
             ({(0, None): PRIOR}, 1.0),
         )
         if len(weights) == 1:
@@ -171,40 +169,41 @@ class Home:
             habits.append(Habit(rooms[node], piece, weight / total, len(times), last, is_told))
         return tuple(sorted(habits, key=lambda one: (one.room is None, -one.share)))
 
-    def _weigh_kin(self, group: str | None, own: Sequence[Track]) -> Places:
-        """Return the weights of places of other things of a group that is kept together."""
-        if group is None or not keeps_together(group):
-            return {}
+    def _weigh_kin(self, meaning: Meaning, own: Sequence[Track]) -> Places:
+        """Return the weights of places of other things of the groups that are kept together."""
+        groups = self._kept_with(meaning)
         names = {one.name for one in own}
-        kin = self._select(lambda word: self._words.group(word) == group)
+        kin = self._select(lambda word: bool(groups & self._kept_with(self._words.look_up(word))))
         seen = (sight for one in kin if one.name not in names for sight in one.sightings)
         return weigh_kin(Counter((one.room_index, one.on) for one in seen))
 
-    def _hear(self, meaning: Meaning, group: str | None) -> _Told:
+    def _kept_with(self, meaning: Meaning | None) -> frozenset[str]:
+        return frozenset(filter(keeps_together, self._words.groups(meaning)))
+
+    def _hear(self, meaning: Meaning) -> _Told:
         """Return what people say of a thing; what they say of its group or kin counts after it."""
-        customs = [(self._rank(one, meaning, group), one) for one in self._said.customs]
+        customs = [(self._rank(one, meaning), one) for one in self._said.customs]
         best = max((rank for rank, one in customs if not one.never), default=0.0)
         weights: Places = {}
         left: dict[tuple[int, str | None], float] = {}
         for rank, one in customs:
             places = self._places_of(one)
-            if one.never and rank >= _ITS_GROUP:
+            if one.never and rank >= max(best, _ITS_GROUP):
                 left |= dict.fromkeys(places, NEVER)
             elif places and not one.never and rank == best > 0:
                 share = min(1.0, rank) * TOLD / len(places)
                 weights = join((weights, 1.0), (dict.fromkeys(places, share), 1.0))
         return _Told(weights, left, best == _ITSELF)
 
-    def _rank(self, custom: Custom, meaning: Meaning, group: str | None) -> float:
+    def _rank(self, custom: Custom, meaning: Meaning) -> float:
         """Return how much a custom says: 2 of the thing, 1 of its group, less of its kin."""
         named = find_group(custom.thing)
         if named is not None:
-            return _ITS_GROUP if named == group else 0.0
+            return _ITS_GROUP if named in self._words.groups(meaning) else 0.0
         known = self._words.look_up(custom.thing)
         if known is not None and self._words.names(known)(meaning.word):
             return _ITSELF
-        kin = self._words.group(custom.thing)
-        is_kin = kin is not None and kin == group and keeps_together(kin)
+        is_kin = bool(self._kept_with(known) & self._kept_with(meaning))
         return TOLD_KIN if is_kin and not custom.never else 0.0
 
     def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:

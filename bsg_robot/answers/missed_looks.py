@@ -28,7 +28,7 @@ from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
 
 Chances = Mapping[str | None, tuple[float, ...]]  # piece; None for a whole room → its looks'
-_TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
+TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ def doubt_objects(
         missed = miss[obj.room_index](obj) if obj.room_index in miss else 1.0
         still = stayed(obj)
         if missed < 1:
-            before = still * (_TRUSTED if obj.probability == 1 else obj.probability)
+            before = still * (TRUSTED if obj.probability == 1 else obj.probability)
             obj = replace(obj, score=before * missed / (1 - before + before * missed))
         elif still < 1:
             obj = replace(obj, score=still * obj.probability)

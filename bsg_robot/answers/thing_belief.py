@@ -19,6 +19,7 @@ from bsg_robot.answers.nouns import Noun, NounTable
 from bsg_robot.answers.unknown_rooms import Apart, log_odds
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
+_ONE = 0.05  # mean of a Poisson of which hardly any count is above 1
 _LEAST_TILT = 1e-3  # at 0, rooms exclude each other; so they nearly do
 _ROUNDS = 2  # in which the building's mean follows its rooms'
 SHARE_OF_KIND = 0.5  # of shoes that are running shoes, and the like
@@ -33,12 +34,15 @@ class ThingBelief:
         hidden: hidden counts at each node, `[K, N, 1]`; those of the building are not used.
         none: P(the building hides none).
         searched: `[N]` nodes where a look finds nothing more.
+        old: `[N]` expected number of those that were seen some time ago, and are still there: they
+            are among the hidden.
     """
 
     seen: tuple[tuple[SeenObject, ...], ...]
     hidden: CountDistribution
     none: float
     searched: Bools
+    old: Floats
 
     @cached_property
     def _score(self) -> Floats:
@@ -70,10 +74,15 @@ class ThingBelief:
         whole = whole.clip(rooms.max(), rooms.sum())
         return max(_LEAST_TILT, float(untilt(rooms[:, None], whole)[0]))
 
+    @property
+    def new(self) -> Floats:
+        """P(at least one that was never seen there), `[N]`."""
+        return np.asarray((self.unseen - self.old).clip(min=0.0))
+
     @cached_property
     def expected(self) -> Floats:
-        """Expected number of those that were not seen, `[N]`."""
-        return self.hidden.mean[:, 0]
+        """Expected number of those that were never seen, `[N]`."""
+        return np.asarray((self.hidden.mean[:, 0] - self.old).clip(min=0.0))
 
     @property
     def is_sure(self) -> Bools:
@@ -113,7 +122,7 @@ class ThingBelief:
         if not chances.any():
             return self
         after, none = _look(self.hidden, chances[:, None], whole=np.array([1 - self.none]))
-        return ThingBelief(self.seen, after, float(none[0]), self.searched)
+        return ThingBelief(self.seen, after, float(none[0]), self.searched, self.old)
 
 
 def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution:
@@ -270,7 +279,11 @@ def believe_usual(
         odds[0] = log_odds(np.array(whole)) - log_odds(before[:1])[0]
         factor = np.where(counts.presence > 0, odds[:, None], 0.0)
         return counts.with_none_likelier(factor), whole
-    return poisson(-np.log(usual.none.clip(min=_LEAST))[:, None]), whole
+    # Of what was seen, each is one; a small mean with a tilt says so.
+    means = -np.log(usual.none.clip(min=_LEAST))
+    ones = poisson((means.clip(max=_ONE) if usual.names else means)[:, None])
+    odds = log_odds(usual.none[:, None]) - log_odds(1 - ones.presence)
+    return ones.with_none_likelier(np.where(usual.none[:, None] < 1, odds, 0.0)), whole
 
 
 def _none_of_rooms(counts: CountDistribution) -> float:

@@ -579,10 +579,10 @@ class ToldBuilding:
     def keeps(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:
         """Say where people of this home keep a thing, or a group of things such as drinks.
 
-        It counts as much as 20 sightings, so that the robot goes there first, and what it sees
-        elsewhere again and again counts in the end. What is said of the thing itself counts before
-        what is said of its group. Two places of one thing share it; `forget` takes back what was
-        said.
+        It counts as much as two weeks of daily sightings: the robot goes there first, and what it
+        sees elsewhere again and again counts in the end. What is said of the thing itself counts
+        before what is said of its group. Two places of one thing share it; `forget` takes back what
+        was said.
 
         Args:
             thing: any word, or a group of `bsg_robot/tables/groups-v1.csv`.

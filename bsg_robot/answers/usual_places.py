@@ -128,8 +128,7 @@ def rate_things(
         weights[:, theirs] *= _THEIRS
         more = weights[:, kinds.known].sum(axis=1) / known.sum(axis=1)
         weights[:, kinds.known] /= more[:, None]
-    stays = things.stays if graph.stays is None else np.full_like(things.stays, graph.stays)
-    rates[:, 1:] = rate[:, None] * weights * hide(things, graph.hidden_now(stays))
+    rates[:, 1:] = rate[:, None] * weights * hide(things, graph)
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates
 
@@ -175,13 +174,12 @@ def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     return np.asarray((shares * (1 - _SHARED * there) * may_be) @ each.T)
 
 
-def hide(things: Things, hidden: Floats) -> Floats:
-    """Return P(a thing was not seen, if it is in a room), `[T, R]`.
-
-    `hidden` has the share of such things of the room that was not seen, `[T, R]`.
-    """
+def hide(things: Things, graph: PartialGraph) -> Floats:
+    """Return P(a thing was not seen, if it is in a room), `[T, R]`: also if it has come since."""
     sight = things.sights[:, None]
+    hidden = np.array([room.hidden_share for room in graph.rooms])
     large = 1 + (sight > _LARGE)
     # What is mostly in sight stands on the floor, and does not hide where all of it was seen.
     away = (1 - sight) * np.where(sight >= IN_SIGHT, hidden, 1.0)
-    return np.asarray(np.where(hidden > 0, away + sight * hidden**large, 0.0))
+    then = np.where(hidden > 0, away + sight * hidden**large, 0.0)
+    return np.asarray(1 - (1 - then) * graph.still_so(things.stays))

@@ -26,6 +26,7 @@ MOST_PAIRS = 10_000  # of rooms, in a list of costs
 CLOSED = "closed"  # instead of a cost
 Costs = Mapping[tuple[str, str], float]
 AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
+_DAY = 24.0  # hours after which half of what is sought may have come into a room
 _MOST = 1e9
 _MOST_USUAL = 4 * USUAL_WAY
 Unit = Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
@@ -340,7 +341,9 @@ def cost_looks(graph: PartialGraph, ways: Ways, look: AnyLook | None = None) -> 
     look = check_look(look)
     if look is not None and not isinstance(look, Mapping):
         return np.full(2 + len(graph.rooms), look)
-    metres = [metres_of_look(room.area, share=room.hidden_share) for room in graph.rooms]
+    hidden = np.array([room.hidden_share for room in graph.rooms])
+    shares = 1 - (1 - hidden) * graph.still_so(np.array(_DAY))
+    metres = [metres_of_look(r.area, share=s) for r, s in zip(graph.rooms, shares, strict=True)]
     costs = np.array([0.0, *metres, metres_of_look(None)]) * ways.metre
     for name, cost in (look or {}).items():
         costs[-1 if name == EXPLORE else find_room(graph, name)] = cost

@@ -13,12 +13,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.clock import has_stayed
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import (
-    KnownRoom,
-    Look,
-    PartialGraph,
-    SeenObject,
-)
+from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
 from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import Usual
@@ -26,6 +21,7 @@ from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
 from bsg_robot.answers.missed_looks import (
+    TRUSTED,
     Chances,
     MissedLook,
     doubt_objects,
@@ -185,19 +181,16 @@ class WeighedGraph:
             return hidden
         classes = [self._words.own.classes[column] for column in columns]
         stays = np.array([self._words.stays(self._words.look_up(name)) for name in classes])
+        still = self.whole.still_so(stays)
         then = np.array([room.hidden_share for room in self._heard.rooms])
-        more = self._hidden_now(stays) / then.clip(min=_LEAST)
+        now = 1 - (1 - np.array([room.hidden_share for room in self.whole.rooms])) * still
+        more = now / then.clip(min=_LEAST)
         none = np.log1p(-hidden.presence.clip(max=_SURELY))
         after = none.copy()
         after[1:] *= more.T
         after[0] += (after - none)[1:].sum(axis=0)
         odds = log_odds(np.exp(after)) - log_odds(np.exp(none))
         return hidden.with_none_likelier(np.where(hidden.presence > 0, odds, 0.0))
-
-    def _hidden_now(self, stays: Floats) -> Floats:
-        """Return the share of some things of each room that is not seen, `[..., R]`."""
-        usual = self.said.stays
-        return self.whole.hidden_now(stays if usual is None else np.full_like(stays, usual))
 
     def _stayed(self, seen: SeenObject | Look, meaning: Meaning | None) -> float:
         """Return P(what was seen at its time is still so), of things of a meaning."""
@@ -258,23 +251,31 @@ class WeighedGraph:
             hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
         for obj in self._list_found(meaning):
-            seen[obj.room_index].append(obj)
-        searched = np.array([True, *(self._hidden_now(self._stays(meaning)) == 0)])
-        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
+            # Where it was is one of the places of what may have moved.
+            is_old = usual is not None and obj.name in usual.names
+            seen[obj.room_index].append(replace(obj, score=0.0) if is_old else obj)
+        searched = np.array([True, *(self._hidden_now(meaning) == 0)])
+        old = np.zeros(self.nodes)
+        if usual is not None:
+            searched, old = searched & (usual.none == 1), usual.there
+        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched, old)
         return held.after(1 - self._overlook(meaning))
 
-    def _stays(self, meaning: Meaning) -> Floats:
-        return np.array(self._words.stays(meaning))
+    def _hidden_now(self, meaning: Meaning) -> Floats:
+        """Return the share of such things of each room that is not seen, `[R]`."""
+        then = np.array([room.hidden_share for room in self.whole.rooms])
+        return 1 - (1 - then) * self.whole.still_so(np.array(self._words.stays(meaning)))
 
     @cached_property
     def home(self) -> Home:
         """What this home has taught."""
         after = {obj.name: obj.probability for obj in self.whole.objects}
-        left = {
-            obj.name: (self._has_stayed(obj) * obj.probability, after.get(obj.name, 0.0))
-            for obj in self.said.objects
-        }
-        return Home(self.said, left, self._words, pieces=self.pieces_of)
+        still = {}
+        for obj in self.said.objects:
+            stayed = self._has_stayed(obj)
+            is_doubted = obj.score is None and after.get(obj.name, 0.0) < stayed
+            still[obj.name] = stayed * (TRUSTED if is_doubted else obj.probability)
+        return Home(self.said, still, self._words, pieces=self.pieces_of)
 
     def find_usual(self, meaning: Meaning) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them."""
@@ -293,9 +294,11 @@ class WeighedGraph:
 
         Who does not say when a room was seen says nothing of what moves.
         """
-        hidden, thing = self._hidden_now(self._stays(meaning)), self._words.thing_of(meaning)
-        if thing is not None:
-            hidden = hide(Things.of([thing], self.kinds.table), hidden[None])[0]
+        thing = self._words.thing_of(meaning)
+        if thing is None:
+            hidden = self._hidden_now(meaning)
+        else:
+            hidden = hide(Things.of([thing], self.kinds.table), self.whole)[0]
         is_dated = [room.time is not None for room in self.whole.rooms]
         return np.array([1.0, *np.where(is_dated, hidden, 1.0)])
 
@@ -366,8 +369,7 @@ class WeighedGraph:
         belief = self.believe(Asked.OWN)[1]
         room = self.whole.rooms[node - 1]
         if room.time is not None:
-            hidden = float(self._hidden_now(self._stays(meaning))[node - 1])
-            room = replace(room, hidden_share=hidden)
+            room = replace(room, hidden_share=float(self._hidden_now(meaning)[node - 1]))
         found = furnish(
             meaning.kept_as,
             room,
@@ -453,14 +455,14 @@ def _age(graph: PartialGraph) -> PartialGraph:
     now = graph.now
     if now is None or not any(room.time is not None and room.time < now for room in graph.rooms):
         return graph
-    slow = graph.hidden_now(np.array(_SLOW)).round(3).tolist()
+    then = np.array([room.hidden_share for room in graph.rooms])
+    slow = (1 - (1 - then) * graph.still_so(np.array(_SLOW))).round(3).tolist()
     rooms = tuple(
-        room
+        replace(room, time=None)
         if room.time is None or room.time >= now
         else replace(room, hidden_share=max(share, _LEAST), time=None)
         for room, share in zip(graph.rooms, slow, strict=True)
     )
-    rooms = tuple(room if room.time is None else replace(room, time=None) for room in rooms)
     return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 
 

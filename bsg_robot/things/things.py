@@ -5,7 +5,7 @@ Six tables of `bsg_robot/tables/` say it, written by hand but for the shares of 
 
     things-v1.csv             a thing, its names, its class, the rooms where people look for it,
                               P(a home has one), how often one that is there is in sight, after
-                              how many hours half of them are elsewhere, and the group
+                              how many hours half of them are elsewhere, and its groups
     groups-v1.csv             a group of things, its names, and whether they are kept together
     narrow-rooms-v1.csv       a kind of room that holds only what things-v1 names there
     receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
@@ -54,7 +54,7 @@ class Thing:
     home: float  # P(a home has at least one)
     sight: float  # P(one is in sight of somebody who sees the floor and surfaces of its room)
     stays: float  # hours after which half of them are elsewhere
-    group: str  # of things that people keep together, a row of groups-v1
+    groups: tuple[str, ...]  # of things that people keep together, rows of groups-v1
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,7 +143,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         weights = tuple([(room, float(weight) / 100) for room, _, weight in parts])
         spellings = tuple(said.split(_SEPARATOR)) if said else ()
         rates = (float(home) / 100, float(sight) / 100)
-        facts = (wider or None, weights, *rates, float(stays), group)
+        facts = (wider or None, weights, *rates, float(stays), tuple(group.split(_SEPARATOR)))
         things.append(Thing(name, spellings, *facts))
     names = [(one, thing) for thing in things for one in thing.names]
     listed = {separate(name): thing for name, thing in names}

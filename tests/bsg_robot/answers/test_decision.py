@@ -49,7 +49,8 @@ class Case:
         none = float(np.exp(-self.rates[1:, thing].sum()))
         some = min(self.surer * (1 - none), -np.expm1(-self.rates[1:, thing]).sum(), 1 - 1e-9)
         hidden = poisson(self.rates[:, [thing]])
-        return ThingBelief(seen, hidden, 1 - float(some), np.arange(len(self.rates)) == 0)
+        nodes = np.arange(len(self.rates))
+        return ThingBelief(seen, hidden, 1 - float(some), nodes == 0, np.zeros(len(nodes)))
 
     @property
     def decision(self) -> Decision:

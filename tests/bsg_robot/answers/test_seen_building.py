@@ -554,9 +554,14 @@ def test_thirty_sightings_at_one_place_are_one_sofa(seen: SeenBuilding) -> None:
 
 
 def test_yesterdays_sighting_fades(seen: SeenBuilding) -> None:
-    seen.saw("kitchen", "mug", object_id="m", age=24.0, stays=24.0)
-    place = next(p for p in seen.where("mug") if p.room == "kitchen")
-    assert place.probability == pytest.approx(1 - 0.5 * (1 - place.unseen))
+    room = seen.rooms[-1]
+    seen.never("umbrella", room=room)
+    seen.saw(room, "umbrella", age=24.0, stays=24.0)
+    place = next(p for p in seen.where("umbrella") if p.room == room)
+    # Half of them are elsewhere, 97 % of these in this home; a sighting of yesterday at this hour
+    # weighs (2^(-1/30) / 3 + 2^(-1/4) 2/3) (0.6 + 2) = 2.31 there, and all other rooms 0.5.
+    assert place.probability == pytest.approx(0.5 + 0.5 * 0.97 * 2.31 / 2.81, abs=0.01)
+    assert seen.anywhere("umbrella") > 0.95
 
 
 def test_more_is_learned_of_a_room_later(seen: SeenBuilding) -> None:
