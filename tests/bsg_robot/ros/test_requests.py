@@ -56,16 +56,6 @@ def test_reports_change_what_python_would_change(robot: Robot) -> None:
     say(robot, "looked", thing="bottle")
     say(robot, "looked", thing="mug", room="waiting-room", chance=0.5)
     say(robot, "gone", object="9")
-    say(robot, "passes", until=3600)
-    robot.hear("passes", "0.1")
-    say(robot, "keeps", thing="drinks", at="fridge", room="kitchen")
-    for topic in ("keeps", "never"):
-        say(robot, topic, thing="toy", room="kitchen")
-    say(robot, "saw", thing="book", room="R9", object="b", time=3960)
-    say(robot, "looked", thing="phone", room="kitchen", time=3970)
-    say(robot, "entered", room="waiting-room", seconds_inside=9, time="1970-01-01T02:06:00+01:00")
-    say(robot, "saw", thing="book", room="kitchen", object="b")
-    say(robot, "forget", thing="toy")
     say(robot, "searched", room="waiting-room", found=["couch", "3"])
     facts = {"room_type": "storage room", "label": "D", "floor_area": 7, "beside": "meeting-room"}
     say(robot, "describe", room="R9", **facts)
@@ -80,21 +70,13 @@ def test_reports_change_what_python_would_change(robot: Robot) -> None:
     other.looked("kitchen", "bottle")
     other.looked("waiting-room", "mug", chance=0.5)
     other.gone("9")
-    other.passes(until=3600)
-    other.passes(0.1)
-    other.keeps("drinks", at="fridge", room="kitchen")
-    other.saw("R9", "book", object_id="b", time=3960)
-    other.looked("kitchen", "phone", time=3970)
-    other.entered("waiting-room", seconds_inside=9, time=3960)
-    other.saw("kitchen", "book", object_id="b")
     other.searched("waiting-room", found=["couch", "3"])
     other.describe("R9", **facts)
     other.more_rooms(4)
     for age in (48, 24):
         other.saw("R9", "toy", position=(5, 5, 1 + age / 200), age=age, stays=24, within=0.3)
     assert robot.seen.graph == other.graph
-    assert say(robot, "habits", thing="book")["habits"] == [*map(asdict, other.habits("book"))]
-    assert robot.here == "waiting-room"
+    assert robot.here == "kitchen"
     known = {obj.name: obj for obj in robot.seen.graph.objects}
     assert known.keys() & {"1", "2", "3", "4", "5", "9"} == {"1", "3"}
     bottles = {place.room: place for place in robot.seen.where("bottle")}
@@ -126,6 +108,36 @@ def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None
     assert then.piece == "counter 1"
     for wrong, code in ({"at": "bed"}, "piece-unknown"), ({"look": -1}, "request-malformed"):
         assert say(robot, "next_place", **asked | wrong)["code"] == code
+
+
+def test_reports_have_a_time_and_a_home_teaches(robot: Robot) -> None:
+    other = robot.seen.copy()
+    say(robot, "passes", until=3600)
+    robot.hear("passes", "0.1")
+    say(robot, "keeps", thing="drinks", at="fridge", room="kitchen")
+    for topic in ("keeps", "never"):
+        say(robot, topic, thing="toy", room="kitchen")
+    say(robot, "saw", thing="book", room="meeting-room", object="b", time=3960)
+    say(robot, "looked", thing="phone", room="kitchen", time=3970)
+    say(robot, "entered", room="waiting-room", seconds_inside=9, time="1970-01-01T02:06:00+01:00")
+    say(robot, "saw", thing="book", room="kitchen", object="b")
+    say(robot, "forget", thing="toy")
+    say(robot, "gone", object="9", time=3990)
+    say(robot, "searched", room="meeting-room", time=4000)
+    other.passes(until=3600)
+    other.passes(0.1)
+    other.keeps("drinks", at="fridge", room="kitchen")
+    other.saw("meeting-room", "book", object_id="b", time=3960)
+    other.looked("kitchen", "phone", time=3970)
+    other.entered("waiting-room", seconds_inside=9, time=3960)
+    other.saw("kitchen", "book", object_id="b")
+    other.gone("9", time=3990)
+    other.searched("meeting-room", time=4000)
+    assert robot.seen.graph == other.graph
+    habits = say(robot, "habits", thing="book")["habits"]
+    assert habits == [*map(asdict, other.habits("book"))]
+    assert {one["room"] for one in habits} == {"kitchen", "meeting-room", None}
+    assert say(robot, "where", thing="book")["things"][0]["habits"] == habits
 
 
 def test_a_clock_that_jumps_goes_on_from_the_last_time(robot: Robot) -> None:
