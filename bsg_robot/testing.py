@@ -15,7 +15,15 @@ from bsg_data.scene.scene_graph import Box
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_models.belief.partial_graph import (
+    Custom,
+    KnownRoom,
+    Look,
+    PartialGraph,
+    Remembered,
+    SeenObject,
+    Sighting,
+)
 from bsg_robot.graph.formats import FORMATS, choose_format, write_beliefs
 
 
@@ -93,6 +101,7 @@ class FormatContract:
             assert refused, f"expected an error of this project for {content!r}"
 
 
+SECONDS = 1_796_000_000.125  # a time
 HOSTILE = ('</script><img src=x onerror="alert(1)">', 'a,"b"\n\tc', "Küche \u2028 ☃", "zzqx")
 
 
@@ -113,12 +122,27 @@ def make_belief(scene_id: str, *, names: Sequence[str]) -> BeliefGraph:
         for i, name in enumerate(names)
     )
     objects = tuple(
-        SeenObject(str(i), min(i, len(rooms)), name, known.category, known.class_index)
+        SeenObject(
+            *(str(i), min(i, len(rooms)), name, known.category, known.class_index),
+            score=0.75,
+            time=SECONDS + i / 3,
+            stays=12.5,
+        )
         for i, name in enumerate(["bed", *names] if names else [])
         for known in [class_map.classify(name)]
     )
     pairs = tuple((a, a + 1) for a in range(1, len(rooms)))
     graph = PartialGraph(scene_id, class_map.space, 0.25, rooms, objects, pairs)
+    if names:
+        seen = tuple(Sighting(SECONDS - day, day % 3, names[0]) for day in (2, 1))
+        graph = replace(
+            graph,
+            now=SECONDS + 3600,
+            stays=48.0,
+            looks=(Look(1, names[1], 0.5, time=SECONDS),),
+            memory=(Remembered("1", names[1], seen), Remembered("gone", names[2], seen)),
+            customs=(Custom(names[2], 1, names[3]), Custom(names[3], None, "bed", never=True)),
+        )
     inputs = graph.histograms().astype(float)
     hidden = np.random.default_rng(0).gamma(0.1, 1.0, inputs.shape)
     return believe(graph, Expectation(inputs, poisson(hidden)), model=scene_id)

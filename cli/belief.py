@@ -23,6 +23,7 @@ from bsg_cli.options import (
     mask_options,
     model_option,
     number_option,
+    read_now_option,
     refuse_unused,
     room_labels_option,
     search_options,
@@ -39,7 +40,7 @@ _MOST_ROWS = 60
 _MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
 _OF_DATASET, _OF_GRAPH = (
     ("split", "scene", "mask", "fraction"),
-    ("labels", "room_labels", "shares", "find"),
+    ("labels", "room_labels", "now", "shares", "find"),
 )
 _OF_SEARCH = ("here", "robots", "costs", "looks", "chance", "task", "budget", "speed")
 _PAGES = (".html", ".htm")
@@ -53,6 +54,13 @@ _PAGES = (".html", ".htm")
 @mask_options("Of a DATASET: how to hide objects.", "Of a DATASET: share of the objects to hide.")
 @click.option("--labels", metavar="SPACE", help="Label space of Hydra: mpcat40, ade20k, or a file.")
 @room_labels_option
+@click.option(
+    "--now",
+    callback=read_now_option,
+    metavar="TIME",
+    help="What time it is: `now`, ISO 8601 with a zone, or seconds of the graph's clock.  "
+    "[default: that of the graph]",
+)
 @click.option(
     "--hidden-share",
     "shares",
@@ -147,7 +155,7 @@ def main(
     search |= {"here": here, "robots": _read_robots(robots), "look": _read_looks(looks)}
     search["costs"] = _read_costs(costs)
     if find:
-        answer = _ask(files[0], model, find, search, as_json=as_json, note=note)
+        answer = _ask(files[0], model, find, search, options["now"], as_json=as_json, note=note)
     if options["out"] or not find:
         from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 
@@ -232,6 +240,7 @@ def _ask(
     model: Path | str,
     things: Sequence[str],
     search: dict[str, Any],
+    now: float | None,
     *,
     as_json: bool,
     note: Callable[[str], None],
@@ -249,6 +258,8 @@ def _ask(
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
     seen = bsg_robot.SeenBuilding(graph, predictor, notes=file.notes)
+    if now is not None:
+        seen.passes(until=now)
     for said in seen.notes:
         note(f"{file.path}: {said}")
     return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)

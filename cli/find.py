@@ -11,7 +11,7 @@ from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text, make_line
 
 EXPLORE = bsg_robot.EXPLORE
-_MOST_ROWS, _MOST_STEPS = 20, 5
+_MOST_ROWS, _MOST_STEPS, _MOST_HABITS = 20, 5, 3
 _SURE = 0.95  # a building that has one so surely: what the rooms have if there is one is no news
 
 
@@ -42,6 +42,8 @@ def find_things(
             note(meaning.how)
         places = seen.where(thing, here=here, costs=costs)
         _print_places(seen, meaning, places, unit, first=facts["go_first"])
+        if habits := seen.habits(thing):
+            print_text(_describe_habits(seen, habits))
         if len(things) > 1:
             print_text("")
     within = "" if budget is None else f"{budget:g} s" if speed else _cost(budget, unit, here="0")
@@ -106,6 +108,25 @@ def _describe_pieces(place: bsg_robot.Place) -> str:
         for piece in place.pieces
     )
     return f"{_name(place)}, if it is there: {', '.join(pieces)}"
+
+
+def _describe_habits(seen: bsg_robot.SeenBuilding, habits: Sequence[bsg_robot.Habit]) -> str:
+    """Return what this home has taught of a thing: from what, and the likeliest places."""
+    from bsg_models.belief.clock import say_ago  # as above
+
+    graph, said = seen.graph, []
+    labels = {room.name: room.label for room in graph.rooms}
+    words = {obj.name: obj.raw_category for obj in graph.objects}
+    for one in habits[:_MOST_HABITS]:
+        room = "elsewhere" if one.room is None else _call(one.room, labels[one.room])
+        piece = "" if one.piece is None else f", {make_line(words.get(one.piece, one.piece))}"
+        last = "" if one.last is None else f", the last {say_ago(one.last, graph.now or 0.0)}"
+        seen_there = f"{one.sightings} seen{last}" if one.sightings else ""
+        why = ", ".join(filter(None, ("told" if one.told else "", seen_there)))
+        said.append(f"{room}{piece} {_percent(one.share)}{why and f' ({why})'}")
+    times = sum(one.sightings for one in habits)
+    by = f", by {times} sighting{'s' * (times > 1)}" if times else ""
+    return f"this home has taught{by}: {'; '.join(said)}"
 
 
 def _print_plan(

@@ -16,6 +16,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+from bsg_models.belief.clock import read_now
 from bsg_models.belief.partial_graph import LOOK_CHANCE
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -88,6 +89,14 @@ workers_option = click.option(
     show_default="all cores",
     help="Number of processes. The result does not depend on it.",
 )
+
+
+def read_now_option(_: click.Context, __: click.Parameter, said: str | None) -> float | None:
+    """Return the time that an option says, in seconds."""
+    try:
+        return None if said is None else read_now(said)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
 
 
 def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:

@@ -12,7 +12,15 @@ from bsg_data.scene.scene_graph import Box
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_models.belief.partial_graph import (
+    Custom,
+    KnownRoom,
+    Look,
+    PartialGraph,
+    Remembered,
+    SeenObject,
+    Sighting,
+)
 
 LOADED = load_class_map()
 CLASS_SPACE = LOADED.space
@@ -62,6 +70,30 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
         building_kind="hotel" if around.random() < 0.5 else None,
         source=HOSTILE if around.random() < 0.5 else None,
     )
+    if around.random() < 0.5:
+        graph = _live_in(graph, around)
     inputs = graph.histograms().astype(float)
     expectation = Expectation(inputs, poisson(rng.gamma(0.1, 1.0, inputs.shape)))
     return believe(graph, expectation, mode=mode, model="random")
+
+
+def _live_in(graph: PartialGraph, rng: np.random.Generator) -> PartialGraph:
+    """Return the graph with times, by dates or by a clock of its own, and what a home teaches."""
+    first = float(rng.choice([0.0, 1.7e9]))
+
+    def time() -> float:
+        return first + float(rng.uniform(0, 1e6))
+
+    def sightings(number: int) -> tuple[Sighting, ...]:
+        times = sorted(time() for _ in range(number))
+        return tuple(Sighting(one, int(rng.integers(0, 2)), "0") for one in times)
+
+    return replace(
+        graph,
+        now=first + 1e6,
+        rooms=tuple(replace(room, time=time() if room.visited else None) for room in graph.rooms),
+        objects=tuple(replace(one, time=time(), score=0.9, stays=5.5) for one in graph.objects),
+        looks=(Look(1, "cup", 0.5, time=time()), Look(1, "milk", 0.5)),
+        memory=tuple(Remembered(name, HOSTILE, sightings(3)) for name in ("0", "gone")),
+        customs=(Custom("drinks", 1), Custom("cola", None, "sofa", never=True)),
+    )

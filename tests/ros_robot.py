@@ -29,9 +29,14 @@ SAID = (
     "gone",
     "describe",
     "more_rooms",
+    "passes",
+    "keeps",
+    "never",
+    "forget",
     "where",
     "next_place",
     "expected",
+    "habits",
 )
 
 

@@ -8,6 +8,7 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_data.inputs import bounds
+from bsg_robot.graph import memory
 
 
 def size(number: int) -> str:
@@ -31,6 +32,8 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_ROBOT_KINDS:,} different",
             f"{bounds.MAX_ROBOT_LOOKS:,} looks for {bounds.MAX_ROBOT_SOUGHT} different",
             f"{bounds.MAX_ROBOT_WORDS:,} words",
+            f"{memory.MOST_IN_ALL:,} sightings in memory, {memory.MOST_SIGHTINGS} of each",
+            f"{bounds.MAX_ROBOT_CUSTOMS:,} customs",
         ],
         "Hydra's graph, a belief graph": [
             size(bounds.SPARK_DSG),

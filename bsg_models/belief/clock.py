@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from datetime import datetime, timezone
+from time import time as clock
 from typing import Annotated
 
 import numpy as np
@@ -47,15 +48,41 @@ def read_time(said: object) -> float:
     return float(said)
 
 
+def read_now(said: object) -> float:
+    """Return what time it is, as a person or a program says it: `now`, a text of seconds, a time.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if said == "now":
+        return round(clock(), 6)
+    try:
+        return read_time(float(said) if isinstance(said, str) else said)
+    except ValueError:
+        return read_time(said)
+
+
 def show_time(time: float | None) -> str | float | None:
-    """Return a time as a document has it: a date in UTC, or seconds of a clock without one.
+    """Return a time as a document has it: a date in UTC, or seconds of a clock without dates.
 
     >>> show_time(1732800000.0), show_time(3600.0)
     ('2024-11-28T13:20:00Z', 3600.0)
     """
-    if time is None or time < _DATED:
+    if time is None or time < _DATED or time != round(time, 6):  # dates have microseconds
         return time
     return datetime.fromtimestamp(time, timezone.utc).isoformat().replace("+00:00", "Z")
+
+
+def say_ago(shown: str | float, now: float) -> str:
+    """Return how long ago a time was, which is said as `show_time` returns it.
+
+    >>> say_ago(3600.0, 3 * 3600.0), say_ago("2024-11-28T13:20:00Z", 1733059200.0)
+    ('2 h ago', '3 days ago')
+    """
+    hours = (now - read_time(shown)) / HOUR
+    if hours < 1:
+        return "<1 h ago"
+    return f"{hours:.0f} h ago" if hours < 48 else f"{hours / 24:.0f} days ago"
 
 
 def has_stayed(time: float | None, now: float | None, stays: float) -> float:

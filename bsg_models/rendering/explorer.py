@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from bsg_data.files import AnyPath, write_bytes
 from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.clock import show_time
 from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.rendering.pages import render_page
 from bsg_models.rendering.plan import (
@@ -30,6 +31,7 @@ from bsg_models.rendering.plan import (
     outline_room,
     place_beside,
 )
+from bsg_models.rendering.taught import Taught
 
 MOST_ROOMS = 200  # of a building
 MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes
@@ -86,7 +88,7 @@ def explorer_page(views: Sequence[ShownBelief]) -> str:
 
 
 def _encode(view: ShownBelief) -> dict[str, Any]:
-    belief, partial = view.belief, view.belief.partial
+    belief, partial, taught = view.belief, view.belief.partial, Taught(view.belief.partial)
     rooms = _choose_rooms(belief, view.answer)
     nodes = [0, *rooms]
     place = {number: node for node, number in enumerate(nodes)}
@@ -110,11 +112,20 @@ def _encode(view: ShownBelief) -> dict[str, Any]:
         "adjacency": [
             [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
         ],
-        "answer": None if view.answer is None else _encode_answer(view.answer, numbers),
+        "now": _show_now(partial.now),
+        "taught": taught.rows(),
+        "answer": None if view.answer is None else _encode_answer(view.answer, taught, numbers),
     }
 
 
-def _encode_answer(answer: Mapping[str, Any], nodes: Mapping[str, int]) -> dict[str, Any]:
+def _show_now(now: float | None) -> str | None:
+    shown = None if now is None else show_time(float(round(now)))
+    return f"{shown:,.0f} s" if isinstance(shown, float) else shown
+
+
+def _encode_answer(
+    answer: Mapping[str, Any], taught: Taught, nodes: Mapping[str, int]
+) -> dict[str, Any]:
     """Return an answer for the page; `nodes` is id of a room → its node, of the shown rooms."""
     find: dict[str | None, Any] = {None: None, _EXPLORE: _EXPLORE} | dict(nodes.items())
 
@@ -130,7 +141,12 @@ def _encode_answer(answer: Mapping[str, Any], nodes: Mapping[str, int]) -> dict[
         "here": find.get(answer["here"]),
         "go_first": find.get(answer["go_first"]),
         "things": [
-            {**one, "anywhere": _round(one["anywhere"]), "places": show(one["places"])}
+            {
+                **one,
+                "anywhere": _round(one["anywhere"]),
+                "places": show(one["places"]),
+                "habits": [taught.row(habit) for habit in one["habits"]],
+            }
             for one in answer["things"]
         ],
         "plan": show({**stop, "step": step} for step, stop in enumerate(answer["plan"], 1)),

@@ -12,10 +12,12 @@ const Panel = (() => {
     const { node, sought } = look, asked = node ? undefined : Beliefs.asked(view, sought);
     if (node) button(lead, "back", "← the building", () => go({ node: 0 }));
     make("h2", {}, lead, asked ? "Find " + asked.thing : nodeName(view, node));
+    if (!node && view.now) make("p", {}, lead, "As of " + view.now + ".");
     if (asked) answer(lead, view, asked);
     if (node && sought !== ALL) placeOf(lead, view, look);
     if (!node) rankRooms(lead, view, sought, go);
     if (asked) planWay(rest, view);
+    if (!node) teach(rest, asked ? "place" : "thing", asked ? asked.habits : view.taught);
     summarize(rest, view, node);
     rankClasses(rest, view, look, go);
     listClasses(rest, view, look);
@@ -58,6 +60,18 @@ const Panel = (() => {
       for (const text of texts) make("td", {}, row, text);
     }
     if (plan.length > FIRST) make("p", {}, side, `${plan.length - FIRST} more`);
+  }
+
+  /* List what the home has taught, of the thing that was asked for or of all. */
+  function teach(side, of, rows) {
+    if (!rows.length) return;
+    make("h3", {}, side, "What this home has taught");
+    const body = table(side, "taught", [of, of === "place" ? "share" : "places", "sightings", "last", "told"]);
+    for (const [name, ...texts] of rows) {
+      const row = make("tr", {}, body);
+      make("th", { scope: "row" }, row, name);
+      for (const text of texts) make("td", {}, row, text || "–");
+    }
   }
 
   function summarize(side, view, node) {

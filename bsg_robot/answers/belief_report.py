@@ -51,6 +51,7 @@ class BeliefRequest:
     top: int = 3  # number of unseen classes per room
     out: tuple[Path, ...] = ()  # files to write, each in the format of its suffix
     force: bool = False  # replace existing files
+    now: float | None = None  # what time it is; None: that of each graph
     answer: Mapping[str, Any] | None = None  # to a question about the one graph, for its page
 
 
@@ -166,6 +167,8 @@ def _ask_all(
     for file in request.graphs:
         graph = reclassify(file.graph, predictor.class_map)
         seen = SeenBuilding(graph, predictor, notes=file.notes)
+        if request.now is not None:
+            seen.passes(until=request.now)
         kinds = tuple(seen.kinds(room) for room in seen.rooms)
         yield _Asked(seen.graph, seen.expectation(), kinds=kinds, notes=seen.notes)
     if request.dataset is not None:

@@ -80,6 +80,7 @@ def _describe(
         "by": name_answerer(meaning),
         "model": seen.asked(meaning.word),
         "anywhere": seen.anywhere(meaning.word),
+        "habits": list(map(asdict, seen.habits(meaning.word))),
         "places": list(map(_encode, seen.where(meaning.word, here=here, costs=costs))),
     }
 

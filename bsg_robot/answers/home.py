@@ -168,6 +168,8 @@ class Home:
             (leave(others, told.left), 1.0),
             ({(0, None): PRIOR}, 1.0),
         )
+        if len(weights) == 1:
+            return ()  # nothing but what is known of all homes
         total, rooms = sum(weights.values()), [None, *(room.name for room in self._said.rooms)]
         habits = []
         for (node, piece), weight in weights.items():

@@ -10,7 +10,6 @@ from datetime import datetime
 from functools import wraps
 from itertools import count
 from threading import RLock
-from time import time as clock
 from typing import Concatenate, ParamSpec, TypeVar
 
 from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
@@ -22,7 +21,7 @@ from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_models.belief.clock import HOUR, read_time, show_time
+from bsg_models.belief.clock import HOUR, read_now, read_time, show_time
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -95,6 +94,7 @@ class ToldBuilding:
         self._notes = notes
         self._lock = RLock()
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
+        self._opened = graph.now  # what time it was
         self._named = 0  # the highest number of an id that was given
         self._now = self._weigh_looks(understand_rooms(graph))
 
@@ -112,7 +112,10 @@ class ToldBuilding:
         words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
         ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
         notes = note_graph(self.graph, self._words.own, self._now.kinds)
-        return (*self._notes, *notes, *(ignored if lost else ()))
+        now = self.graph.now
+        late = (f"answers are as of {show_time(now)}; say `now` if it is later",)
+        is_late = now is not None and now == self._opened
+        return (*self._notes, *(late if is_late else ()), *notes, *(ignored if lost else ()))
 
     @property
     def model(self) -> str:
@@ -217,9 +220,11 @@ class ToldBuilding:
         graph = self.graph if age is None else memory.tell_time(self.graph, self.graph.now or 0.0)
         return memory.tell_time(graph, said), said
 
-    def _read_time(self, where: str, time: object) -> float:
+    def _read_time(
+        self, where: str, time: object, *, read: Callable[[object], float] = read_time
+    ) -> float:
         try:
-            return read_time(time)
+            return read(time)
         except ValueError as error:
             raise RecipeError(
                 f"{where}: time: {error}", code="time-impossible", where=where
@@ -561,22 +566,14 @@ class ToldBuilding:
         """
         if (hours is None) == (until is None):
             raise RecipeError("passes: give hours or until", code="time-unsaid")
-        graph, step = self.graph, 0.0
+        graph = self.graph
         if hours is not None:
             step = HOUR * read_number("passes: hours", hours, most=_MOST_HOURS)
+            graph = memory.pass_until(graph, graph.now or 0.0)
             now = (graph.now or 0.0) + step
         else:
-            now = clock() if until == "now" else self._read_time("passes", until)
-        if graph.now is None:
-            graph = memory.date_all(graph, now - step)
-        elif now < graph.now:
-            raise RecipeError(
-                f"passes: expected a time after {show_time(graph.now)}, that of the last report, "
-                f"found {show_time(now)}",
-                code="time-back",
-                where=graph.scene_id,
-            )
-        self._change(memory.tell_time(graph, now))
+            now = self._read_time("passes", until, read=read_now)
+        self._change(memory.pass_until(graph, now))
 
     @alone
     def keeps(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:

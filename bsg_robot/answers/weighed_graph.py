@@ -58,6 +58,7 @@ from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, fu
 from bsg_robot.things.things import Thing, find_thing, list_narrower
 
 _SURELY = 1 - 1e-9
+_STAYED = 0.99  # P(a thing is where it was just seen) that nobody doubts
 _SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
 _LEAST = 0.05  # hidden share of a room that was searched some time ago, as models read it
 _MOST_SOUGHT = 32  # things of which the belief is remembered
@@ -201,7 +202,8 @@ class WeighedGraph:
         """Return P(an object is where it was seen)."""
         if obj.time is None or self.said.now is None:
             return 1.0
-        return self._stayed(obj, self._words.look_up(obj.raw_category))
+        stayed = self._stayed(obj, self._words.look_up(obj.raw_category))
+        return stayed if stayed < _STAYED else 1.0
 
     def still_there(self, obj: SeenObject, now: float | None) -> float:
         """Return P(a known object is where it was seen), at a later time."""

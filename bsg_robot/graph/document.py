@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 _HEADER = ("format", "version", "model", "mode", "class_space")
+_NO_FACTS = ("format", "version", "scene_id", "rooms", "objects", "adjacency")  # of a building
 _Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
@@ -116,8 +117,8 @@ def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str,
     The building has the number 0; rooms, objects and blind nodes follow. Histograms are left out.
     """
     partial, rooms = document["partial"], {None: 0}
-    facts = ("hidden_share", "building_kind", "source")
-    yield None, {"kind": "building", **{name: partial[name] for name in facts}}
+    facts = {name: partial[name] for name in partial if name not in _NO_FACTS}
+    yield None, {"kind": "building", **facts}
     for number, room in enumerate(partial["rooms"], 1):
         rooms[room["id"]] = number
         yield 0, {"kind": "room", **room}

@@ -6,7 +6,6 @@ place, is one sighting; each thing keeps its last ones.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
@@ -16,7 +15,7 @@ from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject
 
 MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
 MOST_IN_ALL = 50_000  # about 5 MB of JSON
-_LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
+LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
 
 
 def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
@@ -25,7 +24,7 @@ def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
     Raises:
         RecipeError: for a time that is years later: a clock that is wrong would make all old.
     """
-    if graph.now is not None and time > graph.now + _LONGEST_STEP:
+    if graph.now is not None and time > graph.now + LONGEST_STEP:
         raise RecipeError(
             f"{graph.scene_id}: time: {show_time(time)} is more than ten years after the last "
             f"report, of {show_time(graph.now)}; is the robot's clock right?",
@@ -33,6 +32,32 @@ def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
             where=graph.scene_id,
         )
     return replace(graph, now=time if graph.now is None else max(time, graph.now))
+
+
+def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
+    """Return the graph at a later time; all that a graph without a clock holds was seen then.
+
+    Raises:
+        RecipeError: for a time before the last report, or years after it.
+    """
+    if graph.now is None:
+        graph = date_all(graph, now)
+    elif now < graph.now:
+        raise RecipeError(
+            f"{graph.scene_id}: now: expected a time after {show_time(graph.now)}, that of the "
+            f"last report, found {show_time(now)}",
+            code="time-back",
+            where=graph.scene_id,
+        )
+    return tell_time(graph, now)
+
+
+def _find_latest(graph: PartialGraph) -> float | None:
+    """Return the time of the last report; None if no report has one."""
+    said = [seen.time for one in graph.memory for seen in one.sightings]
+    for parts in (graph.objects, graph.rooms, graph.looks):
+        said += [part.time for part in parts if part.time is not None]
+    return max(said, default=None)
 
 
 def say_time(
@@ -60,13 +85,9 @@ def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
     Raises:
         RecipeError: for reports of a day after now, or later.
     """
-    said = [part.time for part in graph.objects]
-    said += [room.time for room in graph.rooms] + [look.time for look in graph.looks]
-    times = [time for time in said if time is not None]
-    times += [seen.time for one in graph.memory for seen in one.sightings]
-    if now is None and not times:
-        return graph
-    latest = max(times, default=-math.inf)
+    latest = _find_latest(graph)
+    if latest is None:
+        return replace(graph, now=now)
     if now is not None and latest > now + DAY:
         raise RecipeError(
             f"now: {show_time(now)} is before the last report, of {show_time(latest)}; expected "

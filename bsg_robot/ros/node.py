@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -87,7 +88,7 @@ class BeliefNode:
             held.enter_context(hold(self.state))  # of no other node at a time
         goes_on = self.state is not None and self.state.exists()
         try:
-            self.robot = Robot(self._open(self.state if goes_on else self.graph))
+            self._open(self.state if goes_on else self.graph)
         except RobotGraphError as error:
             if not goes_on:
                 raise
@@ -105,15 +106,23 @@ class BeliefNode:
         node.create_timer(said["period"], self.tell)
         self.tell()
 
-    def _open(self, graph: Any) -> SeenBuilding:
+    def _open(self, graph: Any) -> None:
         seen = open_graph(graph or _NOTHING, model=self.model, room_labels=self.room_labels)
+        self.robot = Robot(seen)
+        self.tell_time()
         for note in seen.notes:
             self.log.info(make_line(note))
         self.log.info(f"{_count(seen)} by {self.model} from {graph or 'no file'}")
-        return seen
+
+    def tell_time(self) -> None:
+        """Tell the robot the time; a simulator's clock that does not run yet says 0."""
+        clock = self.node.get_clock().now().nanoseconds // 1000 / 1e6
+        if clock and (note := self.robot.tell_time(clock)):
+            self.log.warning(note)
 
     def hear(self, topic: str, message: String) -> None:
         """Answer a text."""
+        self.tell_time()
         answer = self.robot.hear(topic, message.data)
         if "error" in answer:
             self.log.warning(make_line(f"~/{topic}: {answer['error']}"))
@@ -127,9 +136,12 @@ class BeliefNode:
 
     def detect(self, message: Any) -> None:
         """Note what a detector saw from the room where the robot is."""
+        self.tell_time()
+        stamp = message.header.stamp
+        time = self.robot.date(stamp.sec + stamp.nanosec / 1e9)
         seen: list[str] = []  # in this message: each of its detections is another object
         for said in read_detections(message, frame=self.frame, min_score=self.min_score):
-            answer = self.robot.answer("saw", said | {"besides": seen})
+            answer = self.robot.answer("saw", said | {"time": time, "besides": seen})
             seen += [answer["object"]] if "object" in answer else []
             for note in answer.get("notes", ()):
                 self.say_once(self.log.info, f"~/detections: {note}")
@@ -148,7 +160,7 @@ class BeliefNode:
     def reset(self, _: Any, answer: Any) -> Any:
         """Begin with the parameter `graph` again."""
         try:
-            self.robot = Robot(self._open(self.graph))
+            self._open(self.graph)
             self.thing = None
             self.tell()
             answer.success, answer.message = True, _count(self.robot.seen)
@@ -159,7 +171,7 @@ class BeliefNode:
     def tell(self) -> None:
         """Publish what is new, and keep it: at most once a period, because sightings come often."""
         seen = self.robot.seen
-        if seen.graph is not self.published:
+        if not _says_the_same(seen.graph, self.published):
             self.graphs.publish(String(data=_encode(seen)))
             self.published = seen.graph
         now = (seen.graph, self.thing)
@@ -171,7 +183,7 @@ class BeliefNode:
     def keep(self) -> None:
         """Write the state; a full disk does not stop the node, which tries again."""
         seen = self.robot.seen
-        if self.state is not None and seen.graph is not self.kept:
+        if self.state is not None and not _says_the_same(seen.graph, self.kept):
             try:
                 write_bytes(self.state, _encode(seen).encode())
                 self.kept = seen.graph
@@ -223,6 +235,11 @@ def _declare(node: Any, name: str) -> Any:
         description=meaning, read_only=True, floating_point_range=spans
     )
     return node.declare_parameter(name, default, descriptor).value
+
+
+def _says_the_same(graph: PartialGraph, before: PartialGraph | None) -> bool:
+    """Return whether nothing was reported since; time passes by itself."""
+    return before is not None and replace(graph, now=before.now) == before
 
 
 def _encode(seen: SeenBuilding) -> str:

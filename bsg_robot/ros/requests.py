@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Record, name_fault
+from bsg_models.belief.clock import HOUR, Time, show_time
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
     Hours,
@@ -34,6 +35,7 @@ from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.answers.words import find_room
 from bsg_robot.graph.map_forms import drop_empty
+from bsg_robot.graph.memory import LONGEST_STEP
 from bsg_robot.graph.robot_json import note_building, note_rooms
 
 MOST_CHARACTERS = 65_536  # of a text
@@ -58,10 +60,11 @@ Found = Annotated[tuple[Id, ...], Field(max_length=1000), _OneOrMore]
 
 def _read_word(said: Any) -> Any:
     """Return the number, true or false that a text without JSON says."""
-    word = said.strip()[:_LONGEST] if isinstance(said, str) else ""
-    if word in ("true", "false"):
-        return word == "true"
-    return int(word) if word.isdecimal() else said
+    try:
+        found = parse_json(said[:_LONGEST]) if isinstance(said, str) else None
+    except ValueError:
+        found = None
+    return said if found is None else found
 
 
 class _Request(Record):
@@ -84,6 +87,7 @@ class Saw(_Request):
     object: Id | None = None
     position: Position | None = None
     score: Score | None = None
+    time: Time | None = None  # None: now, and so below
     age: Hours | None = None
     stays: Stay | None = None
     within: Within = 0.5
@@ -95,6 +99,7 @@ class Gone(_Request):
     """A known object is no longer there."""
 
     object: Id
+    time: Time | None = None
 
 
 class Looked(_Request):
@@ -104,6 +109,7 @@ class Looked(_Request):
     room: Id | None = None  # None: where the robot is
     chance: Score = LOOK_CHANCE
     at: Id | None = None  # None: the whole room
+    time: Time | None = None
 
 
 class Entered(_Request):
@@ -114,6 +120,7 @@ class Entered(_Request):
     walls_in_view: StrictFraction | None = None
     seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
     hidden_share: StrictFraction | None = None
+    time: Time | None = None
 
 
 class Searched(_Request):
@@ -121,6 +128,7 @@ class Searched(_Request):
 
     room: Id
     found: Found | None = None
+    time: Time | None = None
 
 
 class Discovered(_Request):
@@ -148,6 +156,27 @@ class MoreRooms(_Request):
     """So many rooms are not found yet; `true`: as many as homes have."""
 
     number: Annotated[MoreRoomsNumber, BeforeValidator(_read_word)]
+
+
+class Passes(_Request):
+    """So many hours have passed, or it is such a time."""
+
+    hours: Annotated[Hours, BeforeValidator(_read_word)] | None = None
+    until: Time | None = None
+
+
+class Keeps(_Request):
+    """People keep a thing, or a group of things, there; or never do."""
+
+    thing: Name
+    room: Id | None = None  # None: any
+    at: Id | None = None  # None: anywhere in the room
+
+
+class Forget(_Request):
+    """What this home has taught of a thing, or of all, is forgotten."""
+
+    thing: Name | None = None
 
 
 class Where(_Request):
@@ -181,12 +210,48 @@ class Expected(_Request):
     room: Id
 
 
+class Habits(_Request):
+    """What this home has taught of a thing."""
+
+    thing: Name
+
+
 class Robot:
     """A robot's `SeenBuilding`, told and asked by texts."""
 
     def __init__(self, seen: SeenBuilding) -> None:
         self.seen = seen
         self.here: str | None = None  # the room that it entered last
+        self._ahead = 0.0  # seconds, of the building's clock before the robot's
+
+    def tell_time(self, clock: float) -> str:
+        """Let the time of the robot's clock pass; return what a person should know of it, or "".
+
+        A clock that jumps back, as of a simulation that begins again, or years ahead, goes on from
+        the last time.
+        """
+        last = self.seen.graph.now
+        if last is None:
+            self.seen.passes(until=clock)
+            return ""
+        for ahead in (0.0, self._ahead):
+            if 0 <= clock + ahead - last <= LONGEST_STEP:
+                self._ahead = ahead
+                self.seen.passes(until=clock + ahead)
+                return ""
+        self._ahead = last - clock
+        return (
+            f"the clock says {show_time(clock)}, and the last report is of {show_time(last)}: its "
+            "time goes on from there"
+        )
+
+    def date(self, stamp: float) -> float | None:
+        """Return the time of what was seen at a stamp of the robot's clock; None for now.
+
+        A stamp that is after now, or more than an hour before, is of another clock.
+        """
+        time, now = stamp + self._ahead, self.seen.graph.now
+        return time if stamp and now is not None and 0 <= now - time <= HOUR else None
 
     def hear(self, topic: str, text: str) -> Answer:
         """Return the answer to a text of one of `TOPICS`: see `answer`."""
@@ -238,18 +303,18 @@ class Robot:
 
     def gone(self, said: Gone) -> Answer:
         """Note that an object is gone."""
-        self.seen.gone(said.object)
+        self.seen.gone(said.object, time=said.time)
         return {"object": said.object}
 
     def looked(self, said: Looked) -> Answer:
         """Note a look that did not find a thing, in the robot's room unless it says another one."""
         room = self._require_room(said.room)
-        self.seen.looked(room, said.thing, chance=said.chance, at=said.at)
+        self.seen.looked(room, **said.model_dump(exclude={"id", "room"}))
         return {"room": room, "thing": said.thing}
 
     def searched(self, said: Searched) -> Answer:
         """Note that all of a room was seen."""
-        self.seen.searched(said.room, found=said.found)
+        self.seen.searched(said.room, found=said.found, time=said.time)
         return {"room": said.room}
 
     def describe(self, said: Describe) -> Answer:
@@ -270,6 +335,29 @@ class Robot:
         """Note how many rooms are not found yet."""
         self.seen.more_rooms(said.number or 0)
         return {"number": said.number}
+
+    def passes(self, said: Passes) -> Answer:
+        """Note that time has passed."""
+        before = self.seen.graph.now
+        self.seen.passes(said.hours, until=said.until)
+        now = self.seen.graph.now or 0.0
+        self._ahead += 0.0 if before is None else now - before
+        return {"now": show_time(now)}
+
+    def keeps(self, said: Keeps) -> Answer:
+        """Note where people keep a thing."""
+        self.seen.keeps(said.thing, room=said.room, at=said.at)
+        return said.model_dump(exclude={"id"})
+
+    def never(self, said: Keeps) -> Answer:
+        """Note where a thing never is."""
+        self.seen.never(said.thing, room=said.room, at=said.at)
+        return said.model_dump(exclude={"id"})
+
+    def forget(self, said: Forget) -> Answer:
+        """Forget what this home has taught."""
+        self.seen.forget(said.thing)
+        return {"thing": said.thing}
 
     def _require_room(self, room: str | None) -> str:
         """Return a room, or that of the robot."""
@@ -308,6 +396,10 @@ class Robot:
             "kinds": [*map(asdict, kinds)],
             "expected": [*map(asdict, expected)],
         }
+
+    def habits(self, said: Habits) -> Answer:
+        """Answer where a thing usually is in this home."""
+        return {"thing": said.thing, "habits": [*map(asdict, self.seen.habits(said.thing))]}
 
 
 def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
@@ -357,8 +449,13 @@ TOPICS: Mapping[str, tuple[type[_Request], Callable[[Robot, Any], Answer]]] = Ma
         "gone": (Gone, Robot.gone),
         "describe": (Describe, Robot.describe),
         "more_rooms": (MoreRooms, Robot.more_rooms),
+        "passes": (Passes, Robot.passes),
+        "keeps": (Keeps, Robot.keeps),
+        "never": (Keeps, Robot.never),
+        "forget": (Forget, Robot.forget),
         "where": (Where, Robot.where),
         "next_place": (NextPlace, Robot.next_place),
         "expected": (Expected, Robot.expected),
+        "habits": (Habits, Robot.habits),
     }
 )

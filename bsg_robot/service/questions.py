@@ -7,19 +7,20 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Keyed, Listed, Record, SaidRecord
 from bsg_data.words.shown import SHOWN, show_value
+from bsg_models.belief.clock import read_now
 from bsg_models.belief.partial_graph import LOOK_CHANCE, Id, Score, Text
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.knowledge import Task
 from bsg_robot.answers.description import describe_place, describe_things
-from bsg_robot.answers.place import ExpectedClass, Place, RoomKind, Step
+from bsg_robot.answers.place import ExpectedClass, Habit, Place, RoomKind, Step
 from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.graph.graph_file import parse_graph
@@ -68,7 +69,9 @@ Map = Annotated[
     Field(
         description="What was seen of the building. Simplest: room -> list of things seen there, "
         "[] for a room not entered; and `more_rooms`, true or a number, if there are rooms that "
-        "are not found yet. Or a partial graph (docs/belief.md), or a Spark-DSG graph.",
+        "are not found yet. Or a partial graph (docs/belief.md), or a Spark-DSG graph. A partial "
+        "graph also has the times of what was seen (`time`), where things were before (`memory`) "
+        "and where people keep them (`customs`).",
         examples=[{"living room": ["sofa", "tv"], "kitchen": ["sink"], "hall": []}],
     ),
 ]
@@ -163,6 +166,16 @@ Labels = Annotated[
     Field(description="Label space of a Spark-DSG graph that does not name its labels."),
 ]
 
+Now = Annotated[
+    float | None,
+    BeforeValidator(lambda said: None if said in (None, "") else read_now(said)),
+    WithJsonSchema({"type": ["number", "string", "null"]}),
+    Field(
+        description="What time it is: ISO 8601 with a zone, seconds of the clock of the map, or "
+        "`now`; null: that of the map. What was seen counts less as it gets older."
+    ),
+]
+
 
 class Find(SaidRecord):
     """Where things probably are."""
@@ -177,6 +190,7 @@ class Find(SaidRecord):
     task: AnyTask = None
     budget: Budget = None
     speed: Speed = None
+    now: Now = None
     labels: Labels = None
 
 
@@ -190,6 +204,7 @@ class NextPlace(SaidRecord):
     costs: WayCosts = None
     look: LookAt = None
     chance: Chance = None
+    now: Now = None
     labels: Labels = None
 
 
@@ -199,6 +214,7 @@ class Expect(SaidRecord):
     map: Map
     room: Room = None
     most: Most = None
+    now: Now = None
     labels: Labels = None
 
 
@@ -233,6 +249,15 @@ class Thing(Record):
             "`room` is null for "
             "things that were seen in no room, and `explore` for rooms that are not found yet. "
             "`pieces` has the likeliest pieces of furniture, if some were seen there."
+        ),
+    ]
+    habits: Annotated[
+        tuple[Habit, ...],
+        Field(
+            description="Where such things usually are in this home, the likeliest first: `room`, "
+            "null for the rest; `piece` of furniture, `share` of those that were moved, number of "
+            "`sightings`, time of the `last`, and whether people have `told` it. Empty if the map "
+            "has no times and no customs of it."
         ),
     ]
 
@@ -428,4 +453,7 @@ class Service:
                 where="map",
             )
         graph = reclassify(file.graph, self._predictor.class_map)
-        return SeenBuilding(graph, self._predictor, notes=file.notes)
+        seen = SeenBuilding(graph, self._predictor, notes=file.notes)
+        if asked.now is not None:
+            seen.passes(until=asked.now)
+        return seen

@@ -31,9 +31,14 @@ TOPICS = {
     "gone": "object",
     "describe": "room",
     "more_rooms": "number",
+    "passes": "hours",
+    "keeps": "thing",
+    "never": "thing",
+    "forget": "thing",
     "where": "thing",
     "next_place": "thing",
     "expected": "room",
+    "habits": "thing",
 }
 SECONDS = 10.0  # that a question waits for its answer
 

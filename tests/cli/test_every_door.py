@@ -66,6 +66,31 @@ UNREAD: Map = {
     ],
     "room_labels": {"Kajüte": "bedroom"},
 }
+KEYS = [[f"2026-11-{day}T08:00:00Z", "hall", "s"] for day in (23, 24, 25)]
+LIVED: Map = {
+    "scene_id": "lived",
+    "now": "2026-11-28T09:30:00+01:00",
+    "rooms": [
+        {"id": "hall", "hidden_share": 0.2, "time": "2026-11-27T08:00:00Z"},
+        {"id": "kitchen", "hidden_share": 0.3, "time": "2026-11-28T08:00:00Z"},
+        {"id": "study", "label": "Dad's", "room_type": "home office", "visited": False},
+    ],
+    "objects": [
+        {"id": "s", "room": "hall", "category": "shelf"},
+        {"id": "k", "room": "kitchen", "category": "key", "time": 1795852800},
+        {"id": "m", "room": "kitchen", "category": "mug", "age": 30, "stays": 12},
+    ],
+    "looks": [{"room": "hall", "thing": "key", "time": "2026-11-28T07:00:00Z"}],
+    "memory": [
+        {"id": "k", "category": "key", "sightings": KEYS},
+        {"id": "lost", "category": "mug", "sightings": [["2026-11-20T08:00:00Z", None, None]]},
+    ],
+    "customs": [
+        {"thing": "drinks", "room": "study", "at": None},
+        {"thing": "cola", "room": "kitchen", "never": True},
+    ],
+    "more_rooms": 0,
+}
 SEARCHED: Map = {
     "scene_id": "s",
     "rooms": [{"id": one, "hidden_share": 0} for one in "abc"],
@@ -80,10 +105,18 @@ class Question:
     here: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     labels: str | None = None
+    now: str | float | None = None
 
     @property
     def words(self) -> list[str]:
         return [self.things] if isinstance(self.things, str) else self.things
+
+    def open(self) -> SeenBuilding:
+        """Return the building at the time that is said."""
+        seen = open_graph(self.said, labels=self.labels)
+        if self.now is not None:
+            seen.passes(until=self.now)
+        return seen
 
     @property
     def arguments(self) -> Map:
@@ -128,6 +161,11 @@ QUESTIONS = {
     "kinds that nobody can read": Question(UNREAD, ["milk", "bed"], "R1"),
     "rooms not found yet": Question({**SIMPLE, "more_rooms": True}, "toilet", "kitchen"),
     "nothing left": Question(SEARCHED, "lamp", "b"),
+    "a home that has taught": Question(LIVED, ["keys", "mug", "cola", "lamp"], "hall"),
+    "the same, a day later": Question(
+        LIVED, ["keys", "mug", "cola"], "hall", now="2026-11-29T09:30:00+01:00"
+    ),
+    "by a clock of seconds": Question(FLAT, "mug", "hall", now=3600.5),
     "no rooms": Question({}, "lamp"),
 }
 
@@ -154,6 +192,7 @@ def by_python(seen: SeenBuilding, asked: Question) -> Map:
             "class": meaning.class_name if by == "class" else None,
             "by": by,
             "how": meaning.how,
+            "habits": [*map(asdict, seen.habits(word))],
             "places": [*map(asdict, seen.where(word, here=here, costs=options.get("costs")))],
         }
 
@@ -172,6 +211,7 @@ def ask_command(asked: Question) -> Result:
     words = ["-", "--json", *(word for thing in asked.words for word in ("--find", thing))]
     words += ["--from", asked.here] if asked.here else []
     words += ["--labels", asked.labels] if asked.labels else []
+    words += [] if asked.now is None else ["--now", str(asked.now)]
     for name, value in asked.options.items():
         one = {"robots": "robot"}.get(name, name)
         each = [f"{key}={of}" for key, of in value.items()] if isinstance(value, dict) else [value]
@@ -191,6 +231,8 @@ def by_command(asked: Question) -> Map:
 
 def by_ros(asked: Question) -> Map:
     robot = Robot(open_graph(asked.said, labels=asked.labels))
+    if asked.now is not None:
+        assert "now" in robot.answer("passes", {"until": asked.now})
     said = {"thing": asked.things, "here": asked.here, **asked.options}
     answer = robot.answer("where", said)
     assert answer.pop("topic") == "where"
@@ -207,13 +249,13 @@ def service() -> Any:
 
 def by_service(service: Any, asked: Question) -> dict[str, Map]:
     question = {"map": asked.said, "things": asked.things, "here": asked.here, **asked.options}
-    return ask_service(service, question | {"labels": asked.labels})
+    return ask_service(service, question | {"labels": asked.labels, "now": asked.now})
 
 
 @pytest.mark.parametrize("kind", QUESTIONS)
 def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
     asked = QUESTIONS[kind]
-    seen = open_graph(asked.said, labels=asked.labels)
+    seen = asked.open()
     answer = plain(describe_things(seen, asked.words, here=asked.here, **asked.arguments))
     python = plain(by_python(seen, asked))
     assert {key: answer[key] for key in python} == python

@@ -66,6 +66,8 @@ def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
         (("--find", "bed", "--cost", "kitchen", "kitchen", "inf"), "or 'closed', found inf"),
         (("--find", "bed", "--cost", "kitchen", "1"), "--cost"),
         (("--find", "qqqxz"), "qqqxz"),
+        (("--now", "soon"), "'--now': expected a time"),
+        (("--now", "2026-11-28T08:30:00"), "with its zone"),
         ((str(OFFICE), "--find", "bed"), "--find: expected one GRAPH"),
         (("--find", "sink", "--top", "9"), "--top"),
         (("--chance", "0.5"), "without --find does not use --chance"),
@@ -138,6 +140,28 @@ def test_a_budget_for_no_room_says_so_and_a_closed_door_is_shown() -> None:
     closed = ("--find", "mug", "--from", "hall", "--cost", "hall", "kitchen", "closed")
     (kitchen,) = re.findall("^kitchen .*", call("-", *closed, stdin=flat).stdout, re.MULTILINE)
     assert kitchen.endswith("closed")
+
+
+def test_a_home_says_what_it_has_taught_and_as_of_which_time() -> None:
+    said = {
+        "rooms": {"hall": ["shelf"], "study": ["desk"]},
+        "more_rooms": 0,
+        "memory": [{"id": "k", "category": "key", "sightings": [[3600, "hall", "shelf 1"]]}],
+        "customs": [{"thing": "key", "room": "study"}],
+    }
+    words = ("-", "--find", "keys", "--from", "hall")
+    done = call(*words, stdin=json.dumps(said))
+    (taught,) = re.findall("^this home has taught, (.*)$", done.stdout, re.MULTILINE)
+    first, second, last = taught.removeprefix("by 1 sighting: ").split("; ")
+    assert re.fullmatch(r"study [0-9]+ % \(told\)", first)
+    assert re.fullmatch(r"hall, shelf [0-9]+ % \(1 seen, the last <1 h ago\)", second)
+    assert last.startswith("elsewhere")
+    assert "answers are as of 3600.0; say `now`" in done.stderr
+    done = call(*words, "--now", "90000", stdin=json.dumps(said))
+    assert "(1 seen, the last 24 h ago)" in done.stdout
+    assert "as of" not in done.stderr
+    page = call("-", "--now", "1970-01-01T00:00:00Z", stdin=json.dumps(said), code=2)
+    assert "now: expected a time after 3600.0" in page.stderr
 
 
 def test_an_everyday_thing_says_that_the_table_answers() -> None:

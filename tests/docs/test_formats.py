@@ -27,7 +27,7 @@ from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.studies.sealed_results import check_results
 from bsg_robot.answers import belief_report
 from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
-from bsg_robot.graph.document import to_networkx
+from bsg_robot.graph.document import encode_belief, to_networkx
 from bsg_robot.graph.formats import FORMATS, choose_format, read_belief, write_beliefs
 from bsg_robot.graph.graph_file import open_graph_file
 from bsg_robot.testing import FormatContract
@@ -87,6 +87,13 @@ def test_tables_hold_what_the_graphs_hold(tmp_path: Path, monkeypatch: pytest.Mo
         assert list(rooms.id) == [room.name for room in belief.partial.rooms]
         assert list(rooms.hidden_share) == [room.hidden_share for room in belief.partial.rooms]
         assert list(blind.presence) == [node.presence for node in belief.blind]
+        objects = mine[mine.kind == "object"]
+        seen = belief.partial.objects
+        for name in ("score", "time", "stays"):
+            assert [*objects[name].replace({np.nan: None})] == [getattr(one, name) for one in seen]
+        more, partial = json.loads(mine.more.fillna("{}").iloc[0]), encode_belief(belief)["partial"]
+        for name in ("now", "memory", "customs", "looks"):
+            assert more.get(name) == partial.get(name)
         tables_of = histograms[histograms.scene_id == scene]
         for name in ("expected", "presence"):
             found = np.stack(list(tables_of[name]))

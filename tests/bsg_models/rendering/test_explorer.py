@@ -18,7 +18,14 @@ from random_beliefs import CLASS_SPACE, HOSTILE, make_belief
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_models.belief.partial_graph import (
+    Custom,
+    KnownRoom,
+    PartialGraph,
+    Remembered,
+    SeenObject,
+    Sighting,
+)
 from bsg_models.rendering import explorer
 from bsg_models.rendering.explorer import ShownBelief, explorer_page, write_explorer
 
@@ -202,7 +209,12 @@ def make_home() -> BeliefGraph:
         SeenObject("8", 0, "sink", "sink", SINK),
         SeenObject("9", 0, "zzqx", None, None),
     )
-    graph = PartialGraph("home", CLASS_SPACE, 0.5, rooms, seen, ((1, 2), (2, 3), (2, 4)))
+    graph = PartialGraph(
+        *("home", CLASS_SPACE, 0.5, rooms, seen, ((1, 2), (2, 3), (2, 4))),
+        now=36_000.0,
+        memory=(Remembered("7", "sink", (Sighting(3600.0, 2, None),)),),
+        customs=(Custom("drinks", 3, "table"), Custom("drinks", None, "sofa", never=True)),
+    )
     inputs = graph.histograms().astype(float)
     means = np.random.default_rng(1).gamma(0.2, 1.0, inputs.shape)
     return believe(graph, Expectation(inputs, poisson(means)), model="random")
@@ -219,12 +231,17 @@ def make_answer() -> dict[str, Any]:
         said = {"room": room, "label": None, "probability": chance, "way": 9.0, "look": 4.25}
         return {**said, "found": found, "any_found": 0.9, "seconds": seconds}
 
-    mug = {
+    def habit(room: str | None, share: float, **said: Any) -> dict[str, Any]:
+        none = {"piece": None, "sightings": 0, "last": None, "told": False}
+        return none | {"room": room, "share": share} | said
+
+    mug: dict[str, Any] = {
         "thing": "mug",
         "class": None,
         "by": "likeness",
         "how": "as its nearest words",
         "model": "nouns",
+        "habits": [],
     }
     sink = {
         "thing": "sink",
@@ -232,6 +249,7 @@ def make_answer() -> dict[str, Any]:
         "by": "class",
         "how": "",
         "model": "random",
+        "habits": [habit("hall", 0.75, sightings=1, last=3600.0), habit(None, 0.25, told=True)],
         "anywhere": 1.0,
     }
     places = [
@@ -338,6 +356,12 @@ def test_objects_in_no_room_are_drawn(browser: Any, home: Path) -> None:
     with open_page(browser, home, fragment="#find=sink") as page:
         assert page.locator("circle.sought").count() == 2
         assert "1 seen: 7" in page.locator(".rooms li").first.inner_text()
+        assert "As of 36,000 s." in page.locator("aside").inner_text()
+        rows = page.locator("table.taught tbody tr").all_inner_texts()
+        assert [row.split("\t") for row in rows] == [
+            ["hall", "75 %", "1", "9 h ago", "–"],
+            ["elsewhere", "25 %", "–", "–", "yes"],
+        ]
 
 
 def test_an_answer_names_nodes_of_the_page() -> None:
@@ -351,6 +375,10 @@ def test_an_answer_names_nodes_of_the_page() -> None:
     assert [place["cost"] for place in mug["places"]] == [9.0, None, None, 4.0, 0.0]
     assert [place["room"] for place in sink["places"]][:2] == [1, None]
     assert [stop["room"] for stop in answer["plan"]] == [3, "explore", 4]
+    assert view["taught"] == [
+        ["sink", "hall: 1", "1", "9 h ago", ""],
+        ["drinks", "", "", "", "kitchen, table; never: sofa"],
+    ]
     assert [obj.get("asked") for obj in view["objects"]] == [[1], [1], None]
     for node in view["blind"]:
         assert node.get("asked") == ([1] if node["class"] == SINK else None)

@@ -96,9 +96,14 @@ def older(graph: Graph) -> None:
 
 def spoken(graph: Graph) -> None:
     """Say something under `bsg`, and something else."""
-    said = {"scene_id": "home", "detector": ["bed", "flibber"]}
+    said: Graph = {"scene_id": "home", "detector": ["bed", "flibber"]}
+    said["now"], noon = "2026-11-28T12:30:00Z", "2026-11-28T12:00:00Z"
+    said["memory"] = [{"id": "O(2)", "category": "sofa", "sightings": [[noon, "R(3)", None]]}]
+    said["customs"] = [{"thing": "drinks", "room": "R(0)", "at": "O(2)"}]
+    said["looks"] = [{"room": "R(0)", "thing": "cup", "time": 1795867200}]
+    graph["nodes"][5]["attributes"]["metadata"] = {"bsg": {"time": noon, "stays": 9}}
     graph["metadata"] |= {"bsg": {"partial": said}, "run": [1, {"x": None}]}
-    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": {"hidden_share": 0.25}}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": {"hidden_share": 0.25, "time": noon}}
     graph["nodes"][2]["attributes"]["metadata"] = {"mine": 3, "bsg": {}}
 
 

@@ -182,6 +182,7 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
     robot.ask("discovered", '{"room": "cellar", "beside": "hall"}')
     robot.ask("saw", '{"thing": "sink", "room": "kitchen", "score": 0.7}')
+    robot.ask("keeps", '{"thing": "drinks", "room": "cellar"}')
     robot.ask("looked", '{"thing": "sink", "room": "living"}')
     robot.ask("more_rooms", "2")
     before = robot.ask("where", '{"thing": "sink", "here": "hall"}')
@@ -191,8 +192,15 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     assert [room["id"] for room in kept["rooms"]][-1] == "cellar"
 
     node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
-    assert robot.hear("graph") == kept
-    assert robot.ask("where", '{"thing": "sink", "here": "hall"}') == before
+    graph = robot.hear("graph")
+    assert kept["objects"][-1]["time"] <= kept["now"] < graph["now"], "its clock went on"
+    assert graph == kept | {"now": graph["now"]}
+    again = robot.ask("where", '{"thing": "sink", "here": "hall"}')
+    assert again["things"][0]["habits"][0]["sightings"] == 1
+    places, others = (answer["things"][0]["places"] for answer in (again, before))
+    assert [(p["room"], p["seen"]) for p in places] == [(p["room"], p["seen"]) for p in others]
+    robot.ask("passes", "24")
+    assert robot.ask("habits", "cola")["habits"][0]["room"] == "cellar"
     second = subprocess.run(
         [*COMMAND, "-p", f"state:={state}"], capture_output=True, text=True, timeout=WAIT
     )
@@ -200,7 +208,8 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     assert "another command is writing there" in second.stderr
     assert TERMS in second.stderr
     robot.ask("searched", "cellar")
-    while json.loads(state.read_text("utf-8")) == kept:  # written within a period
+    assert robot.hear("graph")["rooms"][-1]["hidden_share"] == 0, "time alone publishes nothing"
+    while json.loads(state.read_text("utf-8"))["rooms"] == kept["rooms"]:  # written within a period
         assert node.poll() is None
         time.sleep(0.02)
     assert end(node, signal.SIGKILL) == -signal.SIGKILL

@@ -110,6 +110,53 @@ def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None
         assert say(robot, "next_place", **asked | wrong)["code"] == code
 
 
+def test_reports_have_a_time_and_a_home_teaches(robot: Robot) -> None:
+    other = robot.seen.copy()
+    say(robot, "passes", until=3600)
+    robot.hear("passes", "0.1")
+    say(robot, "keeps", thing="drinks", at="fridge", room="kitchen")
+    for topic in ("keeps", "never"):
+        say(robot, topic, thing="toy", room="kitchen")
+    say(robot, "saw", thing="book", room="meeting-room", object="b", time=3960)
+    say(robot, "looked", thing="phone", room="kitchen", time=3970)
+    say(robot, "entered", room="waiting-room", seconds_inside=9, time="1970-01-01T02:06:00+01:00")
+    say(robot, "saw", thing="book", room="kitchen", object="b")
+    say(robot, "forget", thing="toy")
+    say(robot, "gone", object="9", time=3990)
+    say(robot, "searched", room="meeting-room", time=4000)
+    other.passes(until=3600)
+    other.passes(0.1)
+    other.keeps("drinks", at="fridge", room="kitchen")
+    other.saw("meeting-room", "book", object_id="b", time=3960)
+    other.looked("kitchen", "phone", time=3970)
+    other.entered("waiting-room", seconds_inside=9, time=3960)
+    other.saw("kitchen", "book", object_id="b")
+    other.gone("9", time=3990)
+    other.searched("meeting-room", time=4000)
+    assert robot.seen.graph == other.graph
+    habits = say(robot, "habits", thing="book")["habits"]
+    assert habits == [*map(asdict, other.habits("book"))]
+    assert {one["room"] for one in habits} == {"kitchen", "meeting-room", None}
+    assert say(robot, "where", thing="book")["things"][0]["habits"] == habits
+
+
+def test_a_clock_that_jumps_goes_on_from_the_last_time(robot: Robot) -> None:
+    def now_at(clock: float) -> float | None:
+        note = robot.tell_time(clock)
+        assert bool(note) == ("goes on" in note) == (clock in (7, 1e9))
+        return robot.seen.graph.now
+
+    seen = len(robot.seen.graph.objects)
+    assert [now_at(10), now_at(3600)] == [10, 3600]
+    assert [robot.date(stamp) for stamp in (0, 3599, 3601, -1)] == [None, 3599, None, None]
+    assert [now_at(7), now_at(17)] == [3600, 3610], "a simulation begins again"
+    assert robot.date(16) == 3609
+    assert [now_at(1e9), now_at(1e9 + 5)] == [3610, 3615], "another clock"
+    assert now_at(4000) == 4000, "the first clock again"
+    assert len(robot.seen.graph.objects) == seen
+    assert {obj.time for obj in robot.seen.graph.objects} == {10}
+
+
 @pytest.mark.parametrize(("text", "more"), [("3", 3), ("true", True), ('{"number": true}', True)])
 def test_rooms_that_are_not_found_are_a_number_or_true(
     robot: Robot, text: str, more: object
@@ -175,6 +222,14 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
         ("more_rooms", "many", "request-malformed"),
         ("more_rooms", '{"number": 1.5}', "request-malformed"),
+        ("passes", "an hour", "request-malformed"),
+        ("passes", '{"until": "2026-11-28T08:30:00"}', "request-malformed"),
+        ("passes", '{"hours": 1, "until": 3}', "time-unsaid"),
+        ("looked", '{"thing": "mug", "room": "kitchen", "time": 1e13}', "request-malformed"),
+        ("keeps", '{"thing": "cola", "room": "cellar"}', "room-unknown"),
+        ("never", "cola", "custom-nowhere"),
+        ("forget", "zzqx", "thing-unknown"),
+        ("habits", "zzqx", "thing-unknown"),
         ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),

@@ -1,6 +1,6 @@
 """Record beliefs for the Rerun viewer: `.rrd` files of metres, Z up.
 
-The timeline `step` counts graphs; the clock is in none. Each entity has a row for every step, which
+The timeline `step` counts graphs; times are in none. Each entity has a row for every step, which
 is empty where the entity is not there.
 """
 

@@ -2,8 +2,9 @@
 
 `nodes` has one row per building, room, object and blind node; `edges` one per edge; `histograms`
 one per building and room. Every table begins with `scene_id`. Nodes are numbered: 0 the building,
-then rooms, objects and blind nodes. Model, mode and class space are JSON in the metadata of
-`nodes`. Tables are not read back: JSON is for that.
+then rooms, objects and blind nodes. Times are seconds, dates since 1970 in UTC. `more` has what no
+column has, as JSON: of the building what it remembers, and looks. Model, mode and class space are
+JSON in the metadata of `nodes`. Tables are not read back: JSON is for that.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import pyarrow.parquet as pq
 
 from bsg_data.files import AnyPath, encode_json
 from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.clock import read_time
 from bsg_robot.errors import BeliefFileError
 from bsg_robot.graph.document import encode_belief, list_edges, list_nodes
 from bsg_robot.graph.formats import FormatRow
@@ -32,7 +34,7 @@ _SCHEMAS = {
             "scene_id": _TEXT,
             "node": _WHOLE,
             **dict.fromkeys(("kind", "id", "room", "category", "corrected", "class", "on"), _TEXT),
-            **dict.fromkeys(("expected", "presence"), _NUMBER),
+            **dict.fromkeys(("score", "time", "stays", "expected", "presence"), _NUMBER),
             "visited": pa.bool_(),
             **dict.fromkeys(("hidden_share", "hidden_share_sd"), _NUMBER),
             "label": _TEXT,
@@ -40,7 +42,7 @@ _SCHEMAS = {
             "floor_index": pa.int16(),
             "floor_area": _NUMBER,
             "room_type": pa.map_(_TEXT, _NUMBER),
-            **dict.fromkeys(("building_kind", "source"), _TEXT),
+            **dict.fromkeys(("building_kind", "source", "more"), _TEXT),
         }
     ),
     "edges": pa.schema({"scene_id": _TEXT, "source": _WHOLE, "target": _WHOLE, "kind": _TEXT}),
@@ -116,7 +118,10 @@ def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
                 node[name] = list(chain.from_iterable(node[name]))
         said = node.get("room_type") or {}
         shares = {said: 1.0} if isinstance(said, str) else said
-        yield {**node, "node": number, "room_type": list(shares.items()) or None}
+        columns = {"node": number, "room_type": list(shares.items()) or None}
+        columns["time"] = read_time(node["time"]) if "time" in node else None
+        more = {k: v for k, v in node.items() if v is not None and k not in _SCHEMAS["nodes"].names}
+        yield {**node, **columns, "more": encode_json(more, ensure_ascii=False) if more else None}
 
 
 TABLES = FormatRow("tables", (".tables",), write_all=write_tables, report="nodes.parquet")
