@@ -136,6 +136,10 @@ class Dictionary:
         thing = None if meaning is None else self.thing_of(meaning)
         return _STAYS if thing is None else thing.stays
 
+    def staying(self, said: float | None) -> Callable[[str], float]:
+        """Return word → hours after which half of such things are elsewhere, or as is said."""
+        return lambda word: said or self.stays(self.look_up(word))
+
     def group(self, word: str) -> str | None:
         """Return the group of things that a thing is of; None if no table says it."""
         meaning = self.look_up(word)

@@ -96,12 +96,20 @@ class ToldBuilding:
         self._lock = RLock()
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
         self._named = 0  # the highest number of an id that was given
-        self._now = self._weigh_looks(understand_rooms(graph))
+        self._weighed: WeighedGraph | None = None
+        self._take(reports.let_go(understand_rooms(graph)))
 
     @property
     def graph(self) -> PartialGraph:
         """What was seen so far."""
-        return self._now.said
+        return self._said
+
+    @property
+    def _now(self) -> WeighedGraph:
+        """The graph as looks leave it, weighed when it is asked for."""
+        if self._weighed is None or self._weighed.said is not self._said:
+            self._weighed = WeighedGraph(self._said, self._words, before=self._weighed)
+        return self._weighed
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -253,6 +261,7 @@ class ToldBuilding:
                 one
                 for one in graph.looks
                 if one.room_index != seen.room_index
+                or reports.is_before(seen.time, one.time)
                 or (meaning := self._words.look_up(one.thing)) is None
                 or not self._words.names(meaning)(seen.raw_category)
             ),
@@ -269,6 +278,8 @@ class ToldBuilding:
     def gone(self, object_id: str, *, time: AnyTime | None = None) -> None:
         """Report that a known object is no longer there.
 
+        With a clock, this is a look for it at the piece of furniture on which it lay, too.
+
         Args:
             object_id: its id.
             time: of the report; None for now.
@@ -276,7 +287,7 @@ class ToldBuilding:
         Raises:
             RecipeError: if there is no such object.
         """
-        known = [obj.name for obj in self.graph.objects]
+        known = {obj.name: obj for obj in self.graph.objects}
         object_id = spell_id(object_id)
         if object_id not in known:
             hint = ask_if_meant(str(object_id), known) or "`graph.objects` has the ids"
@@ -285,8 +296,24 @@ class ToldBuilding:
                 code="object-unknown",
                 where=str(object_id),
             )
-        graph, _ = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
-        self._change(reports.lose(graph, [object_id]))
+        graph, time = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
+        if reports.is_before(time, known[object_id].time):  # it was seen since
+            self._change(graph)
+        else:
+            self._change(self._miss(reports.lose(graph, [object_id]), known[object_id], time))
+
+    def _miss(self, graph: PartialGraph, lost: SeenObject, time: float | None) -> PartialGraph:
+        """Return a graph with a look for what is gone, where no other such thing lies."""
+        node, word = lost.room_index, lost.raw_category
+        on, meaning = self._now.pieces_of(node).on, self._words.look_up(word)
+        at = on.get(lost.name)
+        if time is None or not node or at is None or meaning is None:
+            return graph
+        is_such = self._words.names(meaning)
+        if any(on.get(one.name) == at and is_such(one.raw_category) for one in graph.objects):
+            return graph
+        look = Look(node, word, LOOK_CHANCE, at, time)
+        return reports.look(graph, look, stays=self._words.staying(graph.stays))
 
     @alone
     def looked(
@@ -316,7 +343,7 @@ class ToldBuilding:
             RecipeError: for a room, a word, a chance or a time that cannot be.
         """
         index = find_room(self.graph, room)
-        stays = self._words.stays(self._words.understand(thing))
+        is_such = self._words.names(self._words.understand(thing))
         piece = None if at is None else self._find_piece(at, index)
         if piece is not None and kind_of(piece) is None:
             raise RecipeError(
@@ -327,8 +354,11 @@ class ToldBuilding:
             )
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
         graph, time = self._tell_time(f"looked for {thing[:SHOWN]!r}", time)
-        look = Look(index, thing, chance, None if piece is None else piece.name, time)
-        self._change(reports.look(graph, look, stays=graph.stays or stays))
+        seen = (o for o in graph.objects if o.room_index == index and is_such(o.raw_category))
+        if not any(reports.is_before(time, obj.time) for obj in seen):  # since a late look
+            look = Look(index, thing, chance, None if piece is None else piece.name, time)
+            graph = reports.look(graph, look, stays=self._words.staying(graph.stays))
+        self._change(graph)
 
     def _find_piece(self, said: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""
@@ -564,11 +594,10 @@ class ToldBuilding:
         graph, step = self.graph, 0.0
         if hours is not None:
             step = HOUR * read_number("passes: hours", hours, most=_MOST_HOURS)
-            now = (graph.now or 0.0) + step
-        else:
-            now = clock() if until == "now" else self._read_time("passes", until)
+            until = (graph.now or 0.0) + step
+        now = self._read_time("passes", clock() if until == "now" else until)
         if graph.now is None:
-            graph = memory.date_all(graph, now - step)
+            graph = memory.date_all(graph, read_time(now - step))
         elif now < graph.now:
             raise RecipeError(
                 f"passes: expected a time after {show_time(graph.now)}, that of the last report, "
@@ -657,11 +686,12 @@ class ToldBuilding:
 
     def _change(self, graph: PartialGraph) -> None:
         """Take a later graph."""
-        self._now = self._weigh_looks(self._now.keep_looks(graph), before=self._now)
+        after = reports.let_go(graph)
+        if len(after.looks) < len(graph.looks):
+            after = reports.let_go(self._now.keep_looks(graph))
+        self._take(after)
 
-    def _weigh_looks(
-        self, graph: PartialGraph, *, before: WeighedGraph | None = None
-    ) -> WeighedGraph:
+    def _take(self, graph: PartialGraph) -> None:
         if any(room.name == EXPLORE for room in graph.rooms):
             raise RecipeError(
                 f"{graph.scene_id}: a room {EXPLORE!r} cannot be told from the answer {EXPLORE!r}, "
@@ -669,4 +699,4 @@ class ToldBuilding:
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        return WeighedGraph(reports.let_go(graph), self._words, before=before)
+        self._said = graph

@@ -113,7 +113,7 @@ class WeighedGraph:
         ]
         heard = _age(left)
         told = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
-        self._evidence = told, Counter(seen)
+        self._evidence = told, told.more_rooms is True, Counter(seen)  # True is not 1
         self._asked: dict[Asked, Apart] = {}
         self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
         self._pieces: dict[int, SeenPieces] = {}
@@ -434,9 +434,10 @@ class WeighedGraph:
             furniture = self.furnish(meaning, one.room_index)
             if furniture is not None and one.at in furniture.names:
                 missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
-                graph = reports.look(graph, replace(one, at=None, chance=missed))
+                look, stays = replace(one, at=None, chance=missed), self._words.staying(graph.stays)
+                graph = reports.look(graph, look, stays=stays)
                 objects = self.objects_of(one.room_index)
-                left.setdefault(one.at, {obj.name: obj.score for obj in objects})
+                left.setdefault(one.at, {obj.name: self._score(obj) for obj in objects})
         if not left:
             return graph
         objects = tuple(
@@ -444,6 +445,10 @@ class WeighedGraph:
             for obj in graph.objects
         )
         return replace(graph, objects=objects)
+
+    def _score(self, obj: SeenObject) -> float | None:
+        """Return the score that looks leave of an object, without what time does."""
+        return None if obj.score is None else min(1.0, obj.score / self._has_stayed(obj))
 
 
 def _age(graph: PartialGraph) -> PartialGraph:

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
-from bsg_models.belief.clock import DAY, HOUR, show_time
+from bsg_models.belief.clock import DAY, HOUR, read_time, show_time
 from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject, Sighting
 
 MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
@@ -49,7 +49,7 @@ def say_time(
         return time
     if time is not None:
         raise RecipeError(f"{where}: give time or age, not both", code="time-twice", where=where)
-    return (now or 0.0) - age * HOUR
+    return read_time((now or 0.0) - age * HOUR)
 
 
 def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:

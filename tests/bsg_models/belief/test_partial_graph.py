@@ -193,7 +193,7 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(
 
 def test_looks_of_one_thing_in_one_room_become_one() -> None:
     graph = look(GRAPH, Look(1, "mug", 0.8))
-    graph = look(graph, Look(2, "mug", 0.5))
+    graph = look(graph, Look(2, "mug", 0.5), stays=lambda _: 48.0)
     graph = look(graph, Look(1, "Mug", 0.5))
     of_both = pytest.approx(1 - 0.12 - 0.88 * (1 - 0.8 / 0.88) * (1 - 0.5 / 0.88))
     assert [(one.room_index, one.chance) for one in graph.looks] == [(2, 0.5), (1, of_both)]
