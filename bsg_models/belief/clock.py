@@ -40,10 +40,10 @@ def read_time(said: object) -> float:
             )
         said = said.timestamp()
     said = said.item() if isinstance(said, np.generic) else said
-    if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
+    if isinstance(said, bool) or not isinstance(said, int | float) or not abs(said) < math.inf:
         raise ValueError(f"expected {_HOW}, found {show_value(said)}")
     if abs(said) > _MOST:
-        raise ValueError(f"expected seconds, found {said:,}; are these milliseconds?")
+        raise ValueError(f"expected seconds, found {show_value(said)}; are these milliseconds?")
     return round(float(said), 6)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
 from datetime import datetime
-from functools import wraps
+from functools import partial, wraps
 from itertools import count
 from threading import RLock
 from time import time as clock
@@ -38,9 +38,9 @@ from bsg_models.belief.partial_graph import (
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.notes import note_graph
+from bsg_robot.answers.notes import note_graph, note_words
 from bsg_robot.answers.place import EXPLORE
-from bsg_robot.answers.weighed_graph import WeighedGraph
+from bsg_robot.answers.weighed_graph import WeighedGraph, weigh_looks
 from bsg_robot.answers.words import find_room, require_word
 from bsg_robot.graph import memory, reports
 from bsg_robot.graph.robot_json import list_unmapped, room_reader, understand_rooms
@@ -114,13 +114,21 @@ class ToldBuilding:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about how the graph is read, a sentence each."""
-        lost = dict.fromkeys(
-            one.thing for one in self.graph.looks if self._words.look_up(one.thing) is None
+        look_up, home, customs = self._words.look_up, self._now.home, self.graph.customs
+        dark = (
+            o.thing for o in customs if find_group(o.thing) is None and look_up(o.thing) is None
         )
-        words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
-        ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
+        unheard = {
+            f"looks for what {self.model} has no word for are ignored": (
+                one.thing for one in self.graph.looks if look_up(one.thing) is None
+            ),
+            "what people say of what nobody has a word for is ignored": dark,
+            "people keep things at furniture that was not seen yet": (
+                one.at for one in customs if one.at and not home.find_pieces(one, one.at)
+            ),
+        }
         notes = note_graph(self.graph, self._words.own, self._now.kinds)
-        return (*self._notes, *notes, *(ignored if lost else ()))
+        return (*self._notes, *notes, *note_words(unheard))
 
     @property
     def model(self) -> str:
@@ -242,16 +250,22 @@ class ToldBuilding:
         """
         near = reports.find_near(graph, seen, within=within, besides=besides)
         if near is not None:
-            before = self._now.still_there(near, graph.now)
+            before = self._still_there(graph, near)
             score = None if seen.score is None else max(seen.score, before)
             score = None if score == 1 and near.score is None else score
             return replace(seen, name=near.name, score=score, on=seen.on or near.on)
         if graph.now is None:
             return seen
-        moved = reports.find_moved(
-            graph, seen, at=lambda obj: self._now.still_there(obj, graph.now), besides=besides
-        )
+        still_there = partial(self._still_there, graph)
+        moved = reports.find_moved(graph, seen, at=still_there, besides=besides)
         return seen if moved is None else replace(seen, name=moved)
+
+    def _still_there(self, graph: PartialGraph, obj: SeenObject) -> float:
+        """Return P(a known object is where it was seen)."""
+        objects = tuple(one for one in graph.objects if one.room_index == obj.room_index)
+        looks = tuple(one for one in graph.looks if one.room_index == obj.room_index)
+        _, left = weigh_looks(replace(graph, objects=objects, looks=looks), self._words)
+        return next((one.probability for one in left.objects if one.name == obj.name), 0.0)
 
     def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
         """Return a graph without the looks for a thing that is there, after all."""

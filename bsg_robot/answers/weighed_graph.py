@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -97,14 +97,8 @@ class WeighedGraph:
         self, said: PartialGraph, words: Dictionary, *, before: WeighedGraph | None = None
     ) -> None:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
-        understood = ((one, words.look_up(one.thing)) for one in said.looks)
         self.said, self._words = said, words
-        self.looks = tuple(
-            MissedLook(replace(one, chance=one.chance * self._stayed(one, meaning)), meaning)
-            for one, meaning in understood
-            if meaning
-        )
-        left = doubt_objects(said, self.looks, names=words.names, stayed=self._has_stayed)
+        self.looks, left = weigh_looks(said, words)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
             (one.room_index, one.raw_category, one.category, one.class_index)
@@ -198,25 +192,8 @@ class WeighedGraph:
         usual = self.said.stays
         return self.whole.hidden_now(stays if usual is None else np.full_like(stays, usual))
 
-    def _stayed(self, seen: SeenObject | Look, meaning: Meaning | None) -> float:
-        """Return P(what was seen at its time is still so), of things of a meaning."""
-        said = seen.stays if isinstance(seen, SeenObject) else None
-        stays = said or self.said.stays or self._words.stays(meaning)
-        return has_stayed(seen.time, self.said.now, stays)
-
-    def _has_stayed(self, obj: SeenObject) -> float:
-        """Return P(an object is where it was seen)."""
-        if obj.time is None or self.said.now is None:
-            return 1.0
-        return self._stayed(obj, self._words.look_up(obj.raw_category))
-
-    def still_there(self, obj: SeenObject, now: float | None) -> float:
-        """Return P(a known object is where it was seen), at a later time."""
-        left = next((one for one in self._objects[obj.room_index] if one.name == obj.name), None)
-        stays = obj.stays or self.said.stays
-        stays = stays or self._words.stays(self._words.look_up(obj.raw_category))
-        since = self.said.now if obj.time is not None else None
-        return 0.0 if left is None else left.probability * has_stayed(since, now, stays)
+    def _stayed(self, obj: SeenObject) -> float:
+        return _has_stayed(self.said, self._words, obj)
 
     @cached_property
     def _counted(self) -> Expectation:
@@ -269,7 +246,7 @@ class WeighedGraph:
         """What this home has taught."""
         after = {obj.name: obj.probability for obj in self.whole.objects}
         left = {
-            obj.name: (self._has_stayed(obj) * obj.probability, after.get(obj.name, 0.0))
+            obj.name: (self._stayed(obj) * obj.probability, after.get(obj.name, 0.0))
             for obj in self.said.objects
         }
         return Home(self.said, left, self._words, pieces=self.pieces_of)
@@ -448,7 +425,30 @@ class WeighedGraph:
 
     def _score(self, obj: SeenObject) -> float | None:
         """Return the score that looks leave of an object, without what time does."""
-        return None if obj.score is None else min(1.0, obj.score / self._has_stayed(obj))
+        return None if obj.score is None else min(1.0, obj.score / self._stayed(obj))
+
+
+def weigh_looks(
+    said: PartialGraph, words: Dictionary
+) -> tuple[tuple[MissedLook, ...], PartialGraph]:
+    """Return the looks of which the thing is known, and the graph, as looks and time leave both."""
+    looks = tuple(
+        MissedLook(replace(one, chance=one.chance * _has_stayed(said, words, one)), meaning)
+        for one in said.looks
+        if (meaning := words.look_up(one.thing))
+    )
+    stayed = partial(_has_stayed, said, words)
+    return looks, doubt_objects(said, looks, names=words.names, stayed=stayed)
+
+
+def _has_stayed(graph: PartialGraph, words: Dictionary, seen: SeenObject | Look) -> float:
+    """Return P(what was seen at its time is still so)."""
+    if seen.time is None or graph.now is None:
+        return 1.0
+    if isinstance(seen, Look):
+        return has_stayed(seen.time, graph.now, words.staying(graph.stays)(seen.thing))
+    stays = words.staying(seen.stays or graph.stays)
+    return has_stayed(seen.time, graph.now, stays(seen.raw_category))
 
 
 def _age(graph: PartialGraph) -> PartialGraph:

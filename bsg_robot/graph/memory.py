@@ -111,8 +111,14 @@ def _add(sightings: tuple[Sighting, ...], seen: Sighting) -> tuple[Sighting, ...
 
 
 def _bound(kept: Mapping[str, Remembered]) -> tuple[Remembered, ...]:
-    """Return what is remembered; of too much, each thing keeps its latest sightings."""
+    """Return what is remembered; of too much, each thing keeps its latest sightings.
+
+    Of too many things, those that were seen last are kept.
+    """
     most = MOST_SIGHTINGS
+    if len(kept) > MOST_IN_ALL:
+        last = sorted(kept, key=lambda name: kept[name].sightings[-1].time)[-MOST_IN_ALL:]
+        kept = {name: kept[name] for name in last}
     while most > 1 and sum(min(most, len(one.sightings)) for one in kept.values()) > MOST_IN_ALL:
         most //= 2
     return tuple(
