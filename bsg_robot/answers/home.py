@@ -218,17 +218,24 @@ class Home:
 
     def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:
         """Return the places that a custom names: pieces of a word, in its room or in any."""
-        nodes = self._nodes if custom.room_index is None else [custom.room_index]
-        if custom.at is None:
-            return [(node, None) for node in nodes]
-        kind, said = find_receptacle(custom.at), normalise_name(custom.at)
+        if custom.at is None or (custom.room_index and not self.find_pieces(custom, custom.at)):
+            return [(node, None) for node in self._nodes_of(custom)]
+        return self.find_pieces(custom, custom.at)
+
+    def _nodes_of(self, custom: Custom) -> Sequence[int]:
+        return self._nodes if custom.room_index is None else [custom.room_index]
+
+    def find_pieces(self, custom: Custom, at: str) -> list[tuple[int, str | None]]:
+        """Return the pieces of furniture that a custom may mean."""
+        kind, said = find_receptacle(at), normalise_name(at)
+        nodes = self._nodes_of(custom)
         pieces = [(node, piece) for node in nodes for piece in self._pieces(node).pieces]
         tests: list[Callable[[SeenObject], bool]] = [
-            lambda piece: piece.name == custom.at,
+            lambda piece: piece.name == at,
             lambda piece: normalise_name(piece.raw_category) == said,
             lambda piece: kind is not None and kind_of(piece) == kind,
         ]
         for is_meant in tests:
             if found := [(node, piece.name) for node, piece in pieces if is_meant(piece)]:
                 return [*found]
-        return [] if custom.room_index is None else [(custom.room_index, None)]
+        return []
