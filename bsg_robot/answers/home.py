@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from bsg_data.arrays import Floats
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import show_time
@@ -138,7 +140,9 @@ class Home:
         kin, told = self._weigh_kin(meaning, own), self._hear(meaning)
         if not (own or kin or told.weights or told.left):
             return None
-        usual, now = Usual(prior, told.left, unseen), self._said.now or 0.0
+        pieces = [1 + len(self._pieces(node).pieces) for node in range(1, len(prior))]
+        usual = Usual(prior, told.left, unseen, np.array([0, *pieces]))
+        now = self._said.now or 0.0
         each = {one.name: weigh_sightings(one.sightings, now) for one in own}
         every = join(*((places, 1.0) for places in each.values()))
         others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)

@@ -464,10 +464,9 @@ def _has_stayed(
     said = obj.stays or graph.stays
     stays = words.staying(said)(obj.raw_category)
     stayed = has_stayed(obj.time, graph.now, stays)
-    known = memory.get(obj.name)
-    if known is not None and said is None:
-        here = obj.room_index, obj.on
-        elsewhere = sum(one[1:] != here for one in known.sightings)
+    if said is None:
+        known, here = memory.get(obj.name), (obj.room_index, obj.on)
+        elsewhere = sum(one[1:] != here for one in known.sightings) if known else 0
         stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)
     return stayed if stayed < _STAYED else 1.0
 
