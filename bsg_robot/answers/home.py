@@ -117,8 +117,14 @@ class Home:
         return sorted(tracks, key=lambda one: -one.sightings[-1].time)
 
     def _select(self, is_such: Callable[[str], bool]) -> list[Track]:
-        words = {word for word in {one.word for one in self.tracks} if is_such(word)}
-        return [one for one in self.tracks if one.word in words]
+        return [one for word, some in self._by_word.items() if is_such(word) for one in some]
+
+    @cached_property
+    def _by_word(self) -> Mapping[str, list[Track]]:
+        found = defaultdict(list)
+        for one in self.tracks:
+            found[one.word].append(one)
+        return found
 
     def learn(self, meaning: Meaning, prior: Floats, unseen: Floats) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
