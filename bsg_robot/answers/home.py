@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +12,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import show_time
-from bsg_models.belief.partial_graph import Custom, PartialGraph, SeenObject, Sighting
+from bsg_models.belief.partial_graph import Custom, PartialGraph, Sighting
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import (
     ALIKE,
@@ -32,9 +32,10 @@ from bsg_robot.answers.habits import (
 )
 from bsg_robot.answers.place import Habit
 from bsg_robot.answers.words import Meaning
-from bsg_robot.things.pieces import SeenPieces, kind_of
+from bsg_robot.things.pieces import SeenPieces
 from bsg_robot.things.things import find_group, find_receptacle, keeps_together
 
+_MOST_ALIKE = 100  # things of a kind of which each has habits of its own
 _ITSELF, _ITS_GROUP = 2, 1  # ranks of what people say of a thing
 
 
@@ -121,12 +122,19 @@ class Home:
         )
 
     def tracks_of(self, meaning: Meaning) -> list[Track]:
-        """Return the tracks of things of a meaning."""
-        return self._select(self._words.names(meaning))
+        """Return the tracks of things of a meaning, the latest first."""
+        tracks = self._select(self._words.names(meaning))
+        return sorted(tracks, key=lambda one: -one.sightings[-1].time)
 
     def _select(self, is_such: Callable[[str], bool]) -> list[Track]:
-        words = {word for word in {one.word for one in self.tracks} if is_such(word)}
-        return [one for one in self.tracks if one.word in words]
+        return [one for word, some in self._by_word.items() if is_such(word) for one in some]
+
+    @cached_property
+    def _by_word(self) -> Mapping[str, list[Track]]:
+        found = defaultdict(list)
+        for one in self.tracks:
+            found[one.word].append(one)
+        return found
 
     def learn(self, meaning: Meaning, prior: Floats, unseen: Floats) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
@@ -146,11 +154,12 @@ class Home:
         each = {one.name: weigh_sightings(one.sightings, now) for one in own}
         every = join(*((places, 1.0) for places in each.values()))
         others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)
-        for one in own:
-            if one.there == 1:  # nobody doubts it, and it is counted as seen
-                continue
+        moved = [one for one in own if one.there < 1]  # the rest is counted as seen
+        for one in moved[:_MOST_ALIKE]:
             weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
+        more = sum(one.moved for one in moved[_MOST_ALIKE:])
+        usual.add_others(more, join((every, ALIKE), (others, 1.0)))
         number = float(prior[1:].sum())
         if meaning.is_class:  # models count the others where they saw none
             usual.add_others(number, leave(told.weights, told.left))
@@ -175,12 +184,19 @@ class Home:
         if len(weights) == 1:
             return ()  # nothing but what is known of all homes
         total, rooms = sum(weights.values()), [None, *(room.name for room in self._said.rooms)]
-        habits = []
-        for (node, piece), weight in weights.items():
-            times = [sight.time for sight in seen if (sight.room_index, sight.on) == (node, piece)]
-            last = show_time(max(times, default=None))
-            is_told = (node, piece) in told.weights
-            habits.append(Habit(rooms[node], piece, weight / total, len(times), last, is_told))
+        times = Counter(sight[1:] for sight in seen)
+        last = {sight[1:]: sight.time for sight in sorted(seen, key=lambda one: one.time)}
+        habits = [
+            Habit(
+                rooms[place[0]],
+                place[1],
+                weight / total,
+                times[place],
+                show_time(last.get(place)),
+                place in told.weights,
+            )
+            for place, weight in weights.items()
+        ]
         return tuple(sorted(habits, key=lambda one: (one.room is None, -one.share)))
 
     def _weigh_kin(self, meaning: Meaning, own: Sequence[Track]) -> Places:
@@ -198,16 +214,14 @@ class Home:
         """Return what people say of a thing; what they say of its group or kin counts after it."""
         customs = [(self._rank(one, meaning), one) for one in self._said.customs]
         best = max((rank for rank, one in customs if not one.never), default=0.0)
-        weights: Places = {}
+        told: list[tuple[Places, float]] = []
         left: dict[tuple[int, str | None], float] = {}
         for rank, one in customs:
-            places = self._places_of(one)
             if one.never and rank >= max(best, _ITS_GROUP):
-                left |= dict.fromkeys(places, NEVER)
-            elif places and not one.never and rank == best > 0:
-                share = min(1.0, rank) * TOLD / len(places)
-                weights = join((weights, 1.0), (dict.fromkeys(places, share), 1.0))
-        return _Told(weights, left, best == _ITSELF)
+                left |= dict.fromkeys(self._places_of(one), NEVER)
+            elif not one.never and rank == best > 0 and (places := self._places_of(one)):
+                told.append((dict.fromkeys(places, TOLD / len(places)), min(1.0, rank)))
+        return _Told(join(*told), left, best == _ITSELF)
 
     def _rank(self, custom: Custom, meaning: Meaning) -> float:
         """Return how much a custom says: 2 of the thing, 1 of its group, less of its kin."""
@@ -230,16 +244,20 @@ class Home:
         return self._nodes if custom.room_index is None else [custom.room_index]
 
     def find_pieces(self, custom: Custom, at: str) -> list[tuple[int, str | None]]:
-        """Return the pieces of furniture that a custom may mean."""
-        kind, said = find_receptacle(at), normalise_name(at)
-        nodes = self._nodes_of(custom)
-        pieces = [(node, piece) for node in nodes for piece in self._pieces(node).pieces]
-        tests: list[Callable[[SeenObject], bool]] = [
-            lambda piece: piece.name == at,
-            lambda piece: normalise_name(piece.raw_category) == said,
-            lambda piece: kind is not None and kind_of(piece) == kind,
-        ]
-        for is_meant in tests:
-            if found := [(node, piece.name) for node, piece in pieces if is_meant(piece)]:
-                return [*found]
+        """Return the pieces of furniture that a custom may mean: of an id, a word, or a kind."""
+        for called in (("id", at), normalise_name(at), find_receptacle(at)):
+            places = self._called.get(called, ())
+            if found := [one for one in places if custom.room_index in (None, one[0])]:
+                return found
         return []
+
+    @cached_property
+    def _called(self) -> Mapping[object, list[tuple[int, str | None]]]:
+        """The places of the furniture of an id, a word, or a kind."""
+        called: dict[object, list[tuple[int, str | None]]] = defaultdict(list)
+        for node in self._nodes:
+            seen = self._pieces(node)
+            for piece, kind in zip(seen.pieces, seen.kinds, strict=True):
+                for name in (("id", piece.name), normalise_name(piece.raw_category), kind):
+                    called[name].append((node, piece.name))
+        return called
