@@ -331,7 +331,7 @@ class ToldBuilding:
         is_such = self._words.names(meaning)
         if any(on.get(one.name) == at and is_such(one.raw_category) for one in graph.objects):
             return graph
-        look = Look(node, word, LOOK_CHANCE, at, time)
+        look = Look(node, word, 1.0, at, time)
         return reports.look(graph, look, stays=self._words.staying(graph.stays))
 
     @alone
