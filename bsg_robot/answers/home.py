@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +10,7 @@ from functools import cached_property
 from bsg_data.arrays import Floats
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import show_time
-from bsg_models.belief.partial_graph import Custom, PartialGraph, SeenObject, Sighting
+from bsg_models.belief.partial_graph import Custom, PartialGraph, Sighting
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import (
     ALIKE,
@@ -161,9 +161,12 @@ class Home:
         if len(weights) == 1:
             return ()  # nothing but what is known of all homes
         total, rooms = sum(weights.values()), [None, *(room.name for room in self._said.rooms)]
+        at: dict[tuple[int, str | None], list[float]] = defaultdict(list)
+        for sight in seen:
+            at[sight.room_index, sight.on].append(sight.time)
         habits = []
         for (node, piece), weight in weights.items():
-            times = [sight.time for sight in seen if (sight.room_index, sight.on) == (node, piece)]
+            times = at[node, piece]
             last = show_time(max(times, default=None))
             is_told = (node, piece) in told.weights
             habits.append(Habit(rooms[node], piece, weight / total, len(times), last, is_told))
@@ -184,16 +187,15 @@ class Home:
         """Return what people say of a thing; what they say of its group or kin counts after it."""
         customs = [(self._rank(one, meaning), one) for one in self._said.customs]
         best = max((rank for rank, one in customs if not one.never), default=0.0)
-        weights: Places = {}
+        weights: list[tuple[Places, float]] = []
         left: dict[tuple[int, str | None], float] = {}
         for rank, one in customs:
             places = self._places_of(one)
             if one.never and rank >= max(best, _ITS_GROUP):
                 left |= dict.fromkeys(places, NEVER)
             elif places and not one.never and rank == best > 0:
-                share = min(1.0, rank) * TOLD / len(places)
-                weights = join((weights, 1.0), (dict.fromkeys(places, share), 1.0))
-        return _Told(weights, left, best == _ITSELF)
+                weights.append((dict.fromkeys(places, 1 / len(places)), min(1.0, rank) * TOLD))
+        return _Told(join(*weights), left, best == _ITSELF)
 
     def _rank(self, custom: Custom, meaning: Meaning) -> float:
         """Return how much a custom says: 2 of the thing, 1 of its group, less of its kin."""
@@ -211,14 +213,22 @@ class Home:
         nodes = self._nodes if custom.room_index is None else [custom.room_index]
         if custom.at is None:
             return [(node, None) for node in nodes]
-        kind, said = find_receptacle(custom.at), normalise_name(custom.at)
-        pieces = [(node, piece) for node in nodes for piece in self._pieces(node).pieces]
-        tests: list[Callable[[SeenObject], bool]] = [
-            lambda piece: piece.name == custom.at,
-            lambda piece: normalise_name(piece.raw_category) == said,
-            lambda piece: kind is not None and kind_of(piece) == kind,
-        ]
-        for is_meant in tests:
-            if found := [(node, piece.name) for node, piece in pieces if is_meant(piece)]:
-                return [*found]
+        keys = custom.at, normalise_name(custom.at), find_receptacle(custom.at)
+        for places, key in zip(self._furniture, keys, strict=True):
+            if found := [place for place in places.get(key, ()) if place[0] in nodes]:
+                return found
         return [] if custom.room_index is None else [(custom.room_index, None)]
+
+    @cached_property
+    def _furniture(self) -> tuple[Mapping[object, list[tuple[int, str | None]]], ...]:
+        """Id, word and kind → the pieces of furniture."""
+        by_name: dict[object, list[tuple[int, str | None]]] = defaultdict(list)
+        by_word, by_kind = by_name.copy(), by_name.copy()
+        for node in self._nodes:
+            for piece in self._pieces(node).pieces:
+                place = node, piece.name
+                by_name[piece.name].append(place)
+                by_word[normalise_name(piece.raw_category)].append(place)
+                by_kind[kind_of(piece)].append(place)
+        by_kind.pop(None, None)
+        return by_name, by_word, by_kind
