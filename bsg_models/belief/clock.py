@@ -23,7 +23,7 @@ _HOW = 'a time, such as 1732800000 (seconds) or "2026-11-28T08:30:00+01:00" (ISO
 
 
 def read_time(said: object) -> float:
-    """Return seconds of a number, a date with a zone, or its text.
+    """Return seconds, to the microsecond, of a number, a date with a zone, or its text.
 
     Raises:
         ValueError: for anything else.
@@ -39,13 +39,13 @@ def read_time(said: object) -> float:
                 f"expected a time with its zone, found {said.isoformat()}; add Z or an offset such "
                 "as +01:00"
             )
-        return said.timestamp()
+        said = said.timestamp()
     said = said.item() if isinstance(said, np.generic) else said
-    if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
+    if isinstance(said, bool) or not isinstance(said, int | float) or not abs(said) < math.inf:
         raise ValueError(f"expected {_HOW}, found {show_value(said)}")
     if abs(said) > _MOST:
-        raise ValueError(f"expected seconds, found {said:,}; are these milliseconds?")
-    return float(said)
+        raise ValueError(f"expected seconds, found {show_value(said)}; are these milliseconds?")
+    return round(float(said), 6)
 
 
 def read_now(said: object) -> float:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
+from weakref import WeakKeyDictionary
 
 from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounds import MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
 from bsg_data.scene.room_label import owner_of
 from bsg_models.runs.found_model import DEFAULT_MODEL
@@ -29,7 +31,8 @@ from bsg_robot.things.uses import find_use, move_thing
 
 THINGS = "things-v1"  # the table of everyday things, where it answers
 _STAYS = 48.0  # hours, of a thing that no table has
-_MOST = 1000  # words that are remembered
+_MOST = 1000  # words that are remembered, of each model
+_MEANINGS: WeakKeyDictionary[Predictor, dict[str, Meaning | None]] = WeakKeyDictionary()
 
 
 class Dictionary:
@@ -40,10 +43,11 @@ class Dictionary:
     """
 
     def __init__(self, own: Predictor) -> None:
-        """Start without words."""
+        """Start with the words that this model was asked for."""
         self.own = own
         self._models = {Asked.OWN: own}
-        self._meanings: dict[str, Meaning | None] = {}
+        self._names: dict[str, Callable[[str], bool]] = {}
+        self._meanings = _MEANINGS.setdefault(own, {})
 
     def model(self, asked: Asked) -> Predictor:
         """Return a model, loaded once."""
@@ -82,12 +86,15 @@ class Dictionary:
 
     def look_up(self, word: str) -> Meaning | None:
         """Return what a word means; None if it means no thing."""
-        if word not in self._meanings:
-            try:
-                return self.understand(word)
-            except RecipeError:  # which takes long, to say what may have been meant
-                self._remember(word, None)
-        return self._meanings.get(word)
+        try:
+            return self._meanings[word]  # which another thread may clear
+        except KeyError:
+            pass
+        try:
+            return self.understand(word)
+        except RecipeError:  # which takes long, to say what may have been meant
+            self._remember(word, None)
+        return None
 
     def _remember(self, word: str, meaning: Meaning | None) -> None:
         if len(self._meanings) >= _MOST:
@@ -136,6 +143,10 @@ class Dictionary:
         thing = None if meaning is None else self.thing_of(meaning)
         return _STAYS if thing is None else thing.stays
 
+    def staying(self, said: float | None) -> Callable[[str], float]:
+        """Return word → hours after which half of such things are elsewhere, or as is said."""
+        return lambda word: said or self.stays(self.look_up(word))
+
     def groups(self, meaning: Meaning | None) -> tuple[str, ...]:
         """Return the groups of things that a thing is of; none if no table says it."""
         thing = None if meaning is None else self.thing_of(meaning)
@@ -147,15 +158,24 @@ class Dictionary:
 
     def names(self, meaning: Meaning) -> Callable[[str], bool]:
         """Return whether a robot's word for an object names a thing of this meaning."""
+        found = self._names.get(meaning.word)
+        if found is None:
+            if len(self._names) >= MAX_ROBOT_SOUGHT:
+                self._names.clear()
+            found = self._names[meaning.word] = lru_cache(_MOST)(self._tell_names(meaning))
+        return found
+
+    def _tell_names(self, meaning: Meaning) -> Callable[[str], bool]:
         noun, thing = meaning.noun, meaning.thing
         if thing is not None:
 
             def is_thing(word: str) -> bool:
                 things = find_everyday(word), find_wider(word)[0]
                 is_listed = any({one.name, one.wider} & {*thing.names} for one in things if one)
-                is_named = is_listed or bool(noun and noun.names(word))
+                if not is_listed and not (noun and noun.names(word)):
+                    return False
                 told = tell_apart(word)
-                return is_named and meaning.kind <= told and may_be_one(meaning.told, told)
+                return meaning.kind <= told and may_be_one(meaning.told, told)
 
             return is_thing
         if noun is not None:

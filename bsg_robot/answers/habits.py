@@ -2,12 +2,13 @@
 
 A thing has not moved since it was seen last with
 
-    f = 2^(−age / stays)
+    f = 2^(−age / stays) · w / (w + n),    w = stays / 40 h
 
-(`stays`: hours after which half of such things are elsewhere). If it has, it is where such things
-usually are in this home. A place has the weight
+(`stays`: hours after which half of such things are elsewhere; n: how often it was seen elsewhere. A
+cup that was seen at five other places is soon at one of them; a sofa stays). If it has moved, it is
+where such things usually are in this home. A place has the weight
 
-    α · prior + Σ over the sightings of the thing there: (base + same time of the day)
+    α · prior + Σ over the sightings of the thing there: (base + same time of the day) · lasting
       + what other such things, things of the group, and people tell
 
 The prior is that of all answers: tables of things, kinds and pieces, and models. Sightings count
@@ -18,22 +19,25 @@ kernel of the hour. Constants are chosen on HOMER (docs/results/habits.md).
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_models.belief.clock import DAY, HOUR
-from bsg_models.belief.partial_graph import Sighting
+from bsg_models.belief.partial_graph import SeenObject, Sighting
 from bsg_robot.things.pieces import Furniture
 
 PRIOR = 0.5  # α, of the prior in all
 _BASE = 0.6  # of each sighting
 _SAME_HOUR = 2.0  # of a sighting at this time of another day, besides
-_NEAR = 2.0  # hours that are the same time of the day
+_NEAR = 3.0  # hours, the standard deviation of that time
 _OLD, _NEW = 30.0, 4.0  # days after which half of the weight of sightings is left, of
-_LASTS = 1 / 3  # this part, and of the rest
+_LASTS = 0.5  # this part, and of the rest
+_STEADY = 40.0  # hours for which a thing stays that make up for one sighting elsewhere
+_JUST = 1.0  # hours after which half of what was just seen may have been put back
 ALIKE = 0.3  # of the sightings of another thing that is called alike
 _KIN = 3.0  # most that sightings of other things of the group weigh, in all
 _HALF_KIN = 10.0  # sightings of them that weigh half of that
@@ -47,6 +51,20 @@ EXISTS = 0.97  # P(a thing that this home has had is still in it)
 Places = Mapping[tuple[int, str | None], float]  # room and piece (None: unknown) → weight
 
 
+def has_rested(stayed: float, hours: float, stays: float, *, elsewhere: int) -> float:
+    """Return P(a thing is where it was seen), of a home that has seen it elsewhere.
+
+    Args:
+        stayed: 2^(−hours / stays).
+        hours: since it was seen.
+        stays: hours after which half of such things are elsewhere.
+        elsewhere: number of its sightings at other places.
+    """
+    weight = stays / _STEADY
+    just = 2.0 ** (-hours / min(_JUST, stays))
+    return float(stayed * max(just, weight / (weight + elsewhere)))
+
+
 def weigh_sightings(sightings: Iterable[Sighting], now: float) -> Places:
     """Return the weights of the places of one thing's sightings."""
     weights: dict[tuple[int, str | None], float] = defaultdict(float)
@@ -54,7 +72,7 @@ def weigh_sightings(sightings: Iterable[Sighting], now: float) -> Places:
         apart = abs((now - time + DAY / 2) % DAY - DAY / 2) / HOUR
         days = max(0.0, now - time) / DAY
         lasting = _LASTS * 2 ** (-days / _OLD) + (1 - _LASTS) * 2 ** (-days / _NEW)
-        weights[room, on] += lasting * (_BASE + (_SAME_HOUR if apart <= _NEAR else 0.0))
+        weights[room, on] += lasting * (_BASE + _SAME_HOUR * math.exp(-((apart / _NEAR) ** 2) / 2))
     return weights
 
 
@@ -157,13 +175,29 @@ class Usual:
             here = self._pieces[node]
             here[piece] = here.get(piece, 0.0) + number
 
-    def furnish(self, furniture: Furniture, node: int) -> Furniture:
-        """Return the furniture of a node with the rates that habits give."""
-        names, known = furniture.names, self._pieces.get(node, {})
-        loose = self._loose[node] + sum(n for piece, n in known.items() if piece not in names)
-        left = [self._left.get((node, piece.name), 1.0) for piece in furniture.pieces]
-        rates = furniture.rates * np.array([*left, 1.0])
-        if not (loose or known) or not rates.sum():
-            return Furniture(furniture.pieces, rates)
-        at = np.array([*(known.get(piece.name, 0.0) for piece in furniture.pieces), 0.0])
-        return Furniture(furniture.pieces, at + loose * rates / rates.sum())
+    def furnish(
+        self, furniture: Furniture | None, node: int, objects: Sequence[SeenObject]
+    ) -> Furniture | None:
+        """Return the furniture of a node with the rates that habits give.
+
+        What such things were seen on is a piece, too: a knife block, the floor.
+
+        Args:
+            furniture: without habits; None for what stands by itself.
+            node: of the room.
+            objects: in it.
+        """
+        known = {piece: n for piece, n in self._pieces.get(node, {}).items() if n}
+        if furniture is None and not known:
+            return None
+        before = furniture or Furniture((), np.ones(1))
+        more = tuple(o for o in objects if o.name in known and o not in before.pieces)
+        left = [self._left.get((node, piece.name), 1.0) for piece in before.pieces]
+        *each, rest = before.rates
+        rates = np.array([*(each * np.array(left)), *np.zeros(len(more)), rest])
+        pieces, loose = (*before.pieces, *more), float(self._loose[node])
+        at = np.array([*(known.pop(piece.name, 0.0) for piece in pieces), 0.0])
+        loose += sum(known.values())  # on what is no longer there
+        if not (loose or at.any()) or not rates.sum():
+            return Furniture(pieces, rates)
+        return Furniture(pieces, at + loose * rates / rates.sum())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -100,13 +100,23 @@ class Home:
             if obj.time is None and known is None:
                 continue
             last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
-            sightings = (*(known.sightings if known else ()), *last)
+            sightings = self._place([*(known.sightings if known else ()), *last])
             still = self._still[obj.name]
             # A sighting that was wrong is of no object that may be elsewhere.
             moved = EXISTS * (obj.probability - still)
             tracks.append(Track(obj.name, obj.raw_category, sightings, still, moved))
-        gone = (Track(o.name, o.raw_category, o.sightings, 0.0, EXISTS) for o in before.values())
+        gone = (
+            Track(one.name, one.raw_category, self._place(one.sightings), 0.0, EXISTS)
+            for one in before.values()
+        )
         return (*tracks, *gone)
+
+    def _place(self, sightings: Iterable[Sighting]) -> tuple[Sighting, ...]:
+        """Return sightings with the piece of furniture on which all that lies: a tray's table."""
+        return tuple(
+            one._replace(on=self._pieces(one.room_index).on.get(one.on, one.on) if one.on else None)
+            for one in sightings
+        )
 
     def tracks_of(self, meaning: Meaning) -> list[Track]:
         """Return the tracks of things of a meaning."""
@@ -190,7 +200,7 @@ class Home:
         weights: list[tuple[Places, float]] = []
         left: dict[tuple[int, str | None], float] = {}
         for rank, one in customs:
-            places = self._places_of(one)
+            places = self._places_of(one) if rank else []
             if one.never and rank >= max(best, _ITS_GROUP):
                 left |= dict.fromkeys(places, NEVER)
             elif places and not one.never and rank == best > 0:
@@ -210,14 +220,22 @@ class Home:
 
     def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:
         """Return the places that a custom names: pieces of a word, in its room or in any."""
-        nodes = self._nodes if custom.room_index is None else [custom.room_index]
-        if custom.at is None:
-            return [(node, None) for node in nodes]
-        keys = custom.at, normalise_name(custom.at), find_receptacle(custom.at)
+        found = [] if custom.at is None else self.find_pieces(custom, custom.at)
+        if custom.at is None or (custom.room_index and not found):
+            return [(node, None) for node in self._nodes_of(custom)]
+        return found
+
+    def _nodes_of(self, custom: Custom) -> Sequence[int]:
+        return self._nodes if custom.room_index is None else [custom.room_index]
+
+    def find_pieces(self, custom: Custom, at: str) -> list[tuple[int, str | None]]:
+        """Return the pieces of furniture that a custom may mean."""
+        nodes = self._nodes_of(custom)
+        keys = at, normalise_name(at), find_receptacle(at)
         for places, key in zip(self._furniture, keys, strict=True):
             if found := [place for place in places.get(key, ()) if place[0] in nodes]:
                 return found
-        return [] if custom.room_index is None else [(custom.room_index, None)]
+        return []
 
     @cached_property
     def _furniture(self) -> tuple[Mapping[object, list[tuple[int, str | None]]], ...]:

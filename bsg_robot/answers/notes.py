@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from bsg_data.dataset.manifest import describe_unmapped
 from bsg_data.scene.class_map import ClassMap, load_class_map
@@ -60,6 +60,13 @@ def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> I
             f"{_list(unsaid)}: nothing says how much was seen; assumed {VAGUE} hidden (say "
             "floor_in_view or hidden_share)"
         )
+
+
+def note_words(unheard: Mapping[str, Iterable[str]]) -> Iterator[str]:
+    """Yield what happens to words that say nothing."""
+    for fate, words in unheard.items():
+        if shown := [repr(word[:SHOWN]) for word in dict.fromkeys(words)]:
+            yield f"{fate}: {_list(shown)}"
 
 
 def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:

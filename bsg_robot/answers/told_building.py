@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
 from datetime import datetime
-from functools import wraps
+from functools import partial, wraps
 from itertools import count
 from threading import RLock
 from typing import Concatenate, ParamSpec, TypeVar
@@ -37,9 +37,9 @@ from bsg_models.belief.partial_graph import (
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.notes import note_graph
+from bsg_robot.answers.notes import note_graph, note_words
 from bsg_robot.answers.place import EXPLORE
-from bsg_robot.answers.weighed_graph import WeighedGraph
+from bsg_robot.answers.weighed_graph import WeighedGraph, weigh_looks
 from bsg_robot.answers.words import find_room, require_word
 from bsg_robot.graph import memory, reports
 from bsg_robot.graph.robot_json import list_unmapped, room_reader, understand_rooms
@@ -96,26 +96,42 @@ class ToldBuilding:
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
         self._opened = graph.now  # what time it was
         self._named = 0  # the highest number of an id that was given
-        self._now = self._weigh_looks(understand_rooms(graph))
+        self._weighed: WeighedGraph | None = None
+        self._take(reports.let_go(understand_rooms(graph)))
 
     @property
     def graph(self) -> PartialGraph:
         """What was seen so far."""
-        return self._now.said
+        return self._said
+
+    @property
+    def _now(self) -> WeighedGraph:
+        """The graph as looks leave it, weighed when it is asked for."""
+        if self._weighed is None or self._weighed.said is not self._said:
+            self._weighed = WeighedGraph(self._said, self._words, before=self._weighed)
+        return self._weighed
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about how the graph is read, a sentence each."""
-        lost = dict.fromkeys(
-            one.thing for one in self.graph.looks if self._words.look_up(one.thing) is None
+        look_up, home, customs = self._words.look_up, self._now.home, self.graph.customs
+        dark = (
+            o.thing for o in customs if find_group(o.thing) is None and look_up(o.thing) is None
         )
-        words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
-        ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
+        unheard = {
+            f"looks for what {self.model} has no word for are ignored": (
+                one.thing for one in self.graph.looks if look_up(one.thing) is None
+            ),
+            "what people say of what nobody has a word for is ignored": dark,
+            "people keep things at furniture that was not seen yet": (
+                one.at for one in customs if one.at and not home.find_pieces(one, one.at)
+            ),
+        }
         notes = note_graph(self.graph, self._words.own, self._now.kinds)
         now = self.graph.now
         late = (f"answers are as of {show_time(now)}; say `now` if it is later",)
         is_late = now is not None and now == self._opened
-        return (*self._notes, *(late if is_late else ()), *notes, *(ignored if lost else ()))
+        return (*self._notes, *(late if is_late else ()), *notes, *note_words(unheard))
 
     @property
     def model(self) -> str:
@@ -239,16 +255,22 @@ class ToldBuilding:
         """
         near = reports.find_near(graph, seen, within=within, besides=besides)
         if near is not None:
-            before = self._now.still_there(near, graph.now)
+            before = self._still_there(graph, near)
             score = None if seen.score is None else max(seen.score, before)
             score = None if score == 1 and near.score is None else score
             return replace(seen, name=near.name, score=score, on=seen.on or near.on)
         if graph.now is None:
             return seen
-        moved = reports.find_moved(
-            graph, seen, at=lambda obj: self._now.still_there(obj, graph.now), besides=besides
-        )
+        still_there = partial(self._still_there, graph)
+        moved = reports.find_moved(graph, seen, at=still_there, besides=besides)
         return seen if moved is None else replace(seen, name=moved)
+
+    def _still_there(self, graph: PartialGraph, obj: SeenObject) -> float:
+        """Return P(a known object is where it was seen)."""
+        objects = tuple(one for one in graph.objects if one.room_index == obj.room_index)
+        looks = tuple(one for one in graph.looks if one.room_index == obj.room_index)
+        _, left = weigh_looks(replace(graph, objects=objects, looks=looks), self._words)
+        return next((one.probability for one in left.objects if one.name == obj.name), 0.0)
 
     def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
         """Return a graph without the looks for a thing that is there, after all."""
@@ -258,6 +280,7 @@ class ToldBuilding:
                 one
                 for one in graph.looks
                 if one.room_index != seen.room_index
+                or reports.is_before(seen.time, one.time)
                 or (meaning := self._words.look_up(one.thing)) is None
                 or not self._words.names(meaning)(seen.raw_category)
             ),
@@ -274,6 +297,8 @@ class ToldBuilding:
     def gone(self, object_id: str, *, time: AnyTime | None = None) -> None:
         """Report that a known object is no longer there.
 
+        With a clock, this is a look for it at the piece of furniture on which it lay, too.
+
         Args:
             object_id: its id.
             time: of the report; None for now.
@@ -281,7 +306,7 @@ class ToldBuilding:
         Raises:
             RecipeError: if there is no such object.
         """
-        known = [obj.name for obj in self.graph.objects]
+        known = {obj.name: obj for obj in self.graph.objects}
         object_id = spell_id(object_id)
         if object_id not in known:
             hint = ask_if_meant(str(object_id), known) or "`graph.objects` has the ids"
@@ -290,8 +315,24 @@ class ToldBuilding:
                 code="object-unknown",
                 where=str(object_id),
             )
-        graph, _ = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
-        self._change(reports.lose(graph, [object_id]))
+        graph, time = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
+        if reports.is_before(time, known[object_id].time):  # it was seen since
+            self._change(graph)
+        else:
+            self._change(self._miss(reports.lose(graph, [object_id]), known[object_id], time))
+
+    def _miss(self, graph: PartialGraph, lost: SeenObject, time: float | None) -> PartialGraph:
+        """Return a graph with a look for what is gone, where no other such thing lies."""
+        node, word = lost.room_index, lost.raw_category
+        on, meaning = self._now.pieces_of(node).on, self._words.look_up(word)
+        at = on.get(lost.name)
+        if time is None or not node or at is None or meaning is None:
+            return graph
+        is_such = self._words.names(meaning)
+        if any(on.get(one.name) == at and is_such(one.raw_category) for one in graph.objects):
+            return graph
+        look = Look(node, word, LOOK_CHANCE, at, time)
+        return reports.look(graph, look, stays=self._words.staying(graph.stays))
 
     @alone
     def looked(
@@ -321,7 +362,7 @@ class ToldBuilding:
             RecipeError: for a room, a word, a chance or a time that cannot be.
         """
         index = find_room(self.graph, room)
-        stays = self._words.stays(self._words.understand(thing))
+        is_such = self._words.names(self._words.understand(thing))
         piece = None if at is None else self._find_piece(at, index)
         if piece is not None and kind_of(piece) is None:
             raise RecipeError(
@@ -332,8 +373,11 @@ class ToldBuilding:
             )
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
         graph, time = self._tell_time(f"looked for {thing[:SHOWN]!r}", time)
-        look = Look(index, thing, chance, None if piece is None else piece.name, time)
-        self._change(reports.look(graph, look, stays=graph.stays or stays))
+        seen = (o for o in graph.objects if o.room_index == index and is_such(o.raw_category))
+        if not any(reports.is_before(time, obj.time) for obj in seen):  # since a late look
+            look = Look(index, thing, chance, None if piece is None else piece.name, time)
+            graph = reports.look(graph, look, stays=self._words.staying(graph.stays))
+        self._change(graph)
 
     def _find_piece(self, said: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""
@@ -570,7 +614,7 @@ class ToldBuilding:
         if hours is not None:
             step = HOUR * read_number("passes: hours", hours, most=_MOST_HOURS)
             graph = memory.pass_until(graph, graph.now or 0.0)
-            now = (graph.now or 0.0) + step
+            now = self._read_time("passes", (graph.now or 0.0) + step)
         else:
             now = self._read_time("passes", until, read=read_now)
         self._change(memory.pass_until(graph, now))
@@ -654,11 +698,12 @@ class ToldBuilding:
 
     def _change(self, graph: PartialGraph) -> None:
         """Take a later graph."""
-        self._now = self._weigh_looks(self._now.keep_looks(graph), before=self._now)
+        after = reports.let_go(graph)
+        if len(after.looks) < len(graph.looks):
+            after = reports.let_go(self._now.keep_looks(graph))
+        self._take(after)
 
-    def _weigh_looks(
-        self, graph: PartialGraph, *, before: WeighedGraph | None = None
-    ) -> WeighedGraph:
+    def _take(self, graph: PartialGraph) -> None:
         if any(room.name == EXPLORE for room in graph.rooms):
             raise RecipeError(
                 f"{graph.scene_id}: a room {EXPLORE!r} cannot be told from the answer {EXPLORE!r}, "
@@ -666,4 +711,4 @@ class ToldBuilding:
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        return WeighedGraph(reports.let_go(graph), self._words, before=before)
+        self._said = graph

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_models.belief.clock import has_stayed
+from bsg_models.belief.clock import HOUR, has_stayed
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
+from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, Remembered, SeenObject
 from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.habits import Usual
+from bsg_robot.answers.habits import Usual, has_rested
 from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
@@ -94,14 +94,8 @@ class WeighedGraph:
         self, said: PartialGraph, words: Dictionary, *, before: WeighedGraph | None = None
     ) -> None:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
-        understood = ((one, words.look_up(one.thing)) for one in said.looks)
         self.said, self._words = said, words
-        self.looks = tuple(
-            MissedLook(replace(one, chance=one.chance * self._stayed(one, meaning)), meaning)
-            for one, meaning in understood
-            if meaning
-        )
-        left = doubt_objects(said, self.looks, names=words.names, stayed=self._has_stayed)
+        self.looks, left = weigh_looks(said, words)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
             (one.room_index, one.raw_category, one.category, one.class_index)
@@ -110,7 +104,7 @@ class WeighedGraph:
         ]
         heard = _age(left)
         told = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
-        self._evidence = told, Counter(seen)
+        self._evidence = told, told.more_rooms is True, Counter(seen)  # True is not 1
         self._asked: dict[Asked, Apart] = {}
         self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
         self._pieces: dict[int, SeenPieces] = {}
@@ -192,26 +186,9 @@ class WeighedGraph:
         odds = log_odds(np.exp(after)) - log_odds(np.exp(none))
         return hidden.with_none_likelier(np.where(hidden.presence > 0, odds, 0.0))
 
-    def _stayed(self, seen: SeenObject | Look, meaning: Meaning | None) -> float:
-        """Return P(what was seen at its time is still so), of things of a meaning."""
-        said = seen.stays if isinstance(seen, SeenObject) else None
-        stays = said or self.said.stays or self._words.stays(meaning)
-        return has_stayed(seen.time, self.said.now, stays)
-
-    def _has_stayed(self, obj: SeenObject) -> float:
-        """Return P(an object is where it was seen)."""
-        if obj.time is None or self.said.now is None:
-            return 1.0
-        stayed = self._stayed(obj, self._words.look_up(obj.raw_category))
-        return stayed if stayed < _STAYED else 1.0
-
-    def still_there(self, obj: SeenObject, now: float | None) -> float:
-        """Return P(a known object is where it was seen), at a later time."""
-        left = next((one for one in self._objects[obj.room_index] if one.name == obj.name), None)
-        stays = obj.stays or self.said.stays
-        stays = stays or self._words.stays(self._words.look_up(obj.raw_category))
-        since = self.said.now if obj.time is not None else None
-        return 0.0 if left is None else left.probability * has_stayed(since, now, stays)
+    @cached_property
+    def _stayed(self) -> Callable[[SeenObject], float]:
+        return remember_stays(self.said, self._words)
 
     @cached_property
     def _counted(self) -> Expectation:
@@ -272,7 +249,7 @@ class WeighedGraph:
         after = {obj.name: obj.probability for obj in self.whole.objects}
         still = {}
         for obj in self.said.objects:
-            stayed = self._has_stayed(obj)
+            stayed = self._stayed(obj)
             is_doubted = obj.score is None and after.get(obj.name, 0.0) < stayed
             still[obj.name] = stayed * (TRUSTED if is_doubted else obj.probability)
         return Home(self.said, still, self._words, pieces=self.pieces_of)
@@ -379,9 +356,8 @@ class WeighedGraph:
             tidy=tidy,
             kinds=self.kinds.said[node - 1],
         )
-        if found is None or (usual := self.find_usual(meaning)) is None:
-            return found
-        return usual.furnish(found, node)
+        usual = self.find_usual(meaning)
+        return found if usual is None else usual.furnish(found, node, self.objects_of(node))
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
@@ -438,9 +414,10 @@ class WeighedGraph:
             furniture = self.furnish(meaning, one.room_index)
             if furniture is not None and one.at in furniture.names:
                 missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
-                graph = reports.look(graph, replace(one, at=None, chance=missed))
+                look, stays = replace(one, at=None, chance=missed), self._words.staying(graph.stays)
+                graph = reports.look(graph, look, stays=stays)
                 objects = self.objects_of(one.room_index)
-                left.setdefault(one.at, {obj.name: obj.score for obj in objects})
+                left.setdefault(one.at, {obj.name: self._score(obj) for obj in objects})
         if not left:
             return graph
         objects = tuple(
@@ -448,6 +425,51 @@ class WeighedGraph:
             for obj in graph.objects
         )
         return replace(graph, objects=objects)
+
+    def _score(self, obj: SeenObject) -> float | None:
+        """Return the score that looks leave of an object, without what time does."""
+        return None if obj.score is None else min(1.0, obj.score / self._stayed(obj))
+
+
+def weigh_looks(
+    said: PartialGraph, words: Dictionary
+) -> tuple[tuple[MissedLook, ...], PartialGraph]:
+    """Return the looks of which the thing is known, and the graph, as looks and time leave both."""
+    stays = words.staying(said.stays)
+
+    def fade(look: Look) -> Look:
+        stayed = has_stayed(look.time, said.now, stays(look.thing))
+        return replace(look, chance=look.chance * stayed)
+
+    looks = tuple(
+        MissedLook(fade(one), meaning)
+        for one in said.looks
+        if (meaning := words.look_up(one.thing))
+    )
+    stayed = remember_stays(said, words)
+    return looks, doubt_objects(said, looks, names=words.names, stayed=stayed)
+
+
+def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObject], float]:
+    """Return object → P(it is where it was seen), by what this home remembers of it."""
+    return partial(_has_stayed, graph, words, {one.name: one for one in graph.memory})
+
+
+def _has_stayed(
+    graph: PartialGraph, words: Dictionary, memory: Mapping[str, Remembered], obj: SeenObject
+) -> float:
+    """Return P(an object is where it was seen)."""
+    if obj.time is None or graph.now is None:
+        return 1.0
+    said = obj.stays or graph.stays
+    stays = words.staying(said)(obj.raw_category)
+    stayed = has_stayed(obj.time, graph.now, stays)
+    known = memory.get(obj.name)
+    if known is not None and said is None:
+        here = obj.room_index, obj.on
+        elsewhere = sum(one[1:] != here for one in known.sightings)
+        stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)
+    return stayed if stayed < _STAYED else 1.0
 
 
 def _age(graph: PartialGraph) -> PartialGraph:

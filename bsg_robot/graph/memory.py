@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
-from bsg_models.belief.clock import DAY, HOUR, show_time
+from bsg_models.belief.clock import DAY, HOUR, read_time, show_time
 from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject, Sighting
 
 MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
@@ -74,7 +74,7 @@ def say_time(
         return time
     if time is not None:
         raise RecipeError(f"{where}: give time or age, not both", code="time-twice", where=where)
-    return (now or 0.0) - age * HOUR
+    return read_time((now or 0.0) - age * HOUR)
 
 
 def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
@@ -132,8 +132,14 @@ def _add(sightings: tuple[Sighting, ...], seen: Sighting) -> tuple[Sighting, ...
 
 
 def _bound(kept: Mapping[str, Remembered]) -> tuple[Remembered, ...]:
-    """Return what is remembered; of too much, each thing keeps its latest sightings."""
+    """Return what is remembered; of too much, each thing keeps its latest sightings.
+
+    Of too many things, those that were seen last are kept.
+    """
     most = MOST_SIGHTINGS
+    if len(kept) > MOST_IN_ALL:
+        last = sorted(kept, key=lambda name: kept[name].sightings[-1].time)[-MOST_IN_ALL:]
+        kept = {name: kept[name] for name in last}
     while most > 1 and sum(min(most, len(one.sightings)) for one in kept.values()) > MOST_IN_ALL:
         most //= 2
     return tuple(

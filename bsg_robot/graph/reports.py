@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
@@ -24,6 +24,7 @@ from bsg_robot.graph.memory import remember
 from bsg_robot.things.things import classify_seen
 
 _ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
+_FADED = 0.01  # least chance of a look, as time has left it
 
 
 def hide_of_room(
@@ -64,10 +65,17 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     """
     known = next((obj for obj in graph.objects if obj.name == seen.name), None)
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
-    if known is not None and known.time is not None and (seen.time or math.inf) < known.time:
+    before = next((one for one in graph.memory if one.name == seen.name), None)
+    last = known.time if known else before.sightings[-1].time if before else None
+    if is_before(seen.time, last):
         return replace(graph, memory=remember(graph.memory, [seen]))
     memory = graph.memory if known is None else remember(graph.memory, [known])
     return follow_rooms(graph, replace(graph, objects=(*others, seen), memory=memory))
+
+
+def is_before(time: float | None, other: float | None) -> bool:
+    """Return whether a time is before another, if both are said."""
+    return time is not None and other is not None and time < other
 
 
 def enter(
@@ -83,7 +91,7 @@ def enter(
     0.5 gets `VAGUE`.
     """
     known = graph.rooms[room_index - 1]
-    if (time or math.inf) < (known.time or -math.inf):
+    if is_before(time, known.time):
         return graph  # a report that comes late
     if hidden_share is None:
         was_inside = known.visited and known.hidden_share < 1
@@ -136,24 +144,31 @@ def describe(
     return replace(graph, rooms=tuple(rooms), adjacency=tuple(sorted(pairs)))
 
 
-def look(graph: PartialGraph, seen: Look, *, stays: float = math.inf) -> PartialGraph:
+def look(graph: PartialGraph, seen: Look, *, stays: Callable[[str], float]) -> PartialGraph:
     """Return the partial graph after a look that did not find a thing.
 
     Looks for the same thing at the same place become one, whose chance is that of all
     (`bsg_models.search.looks`: as good as keeping them). Only a look that misses nothing leaves
-    nothing possible.
+    nothing possible. With a clock, looks that have faded are left out, and of too many the
+    faintest.
 
     Args:
         graph: before.
         seen: the look.
-        stays: hours after which half of such things are elsewhere: earlier looks fade by it.
+        stays: thing → hours after which half of such things are elsewhere: looks fade by it.
+
+    Raises:
+        RecipeError: without a clock, if there are too many.
     """
     same = [seen, *(one for one in graph.looks if _is_same(one, seen))]
     latest = max((one.time for one in same if one.time is not None), default=None)
-    looks = [one for one in graph.looks if not _is_same(one, seen)]
-    chances = [one.chance * has_stayed(one.time, latest, stays) for one in same]
+    chances = [one.chance * has_stayed(one.time, latest, stays(one.thing)) for one in same]
     found = 1 - miss_all(chances, overlooked=overlooked_at(seen.at))
     joined = replace(seen, chance=1.0 if 1.0 in chances else min(found, _ALMOST), time=latest)
+    looks = [one for one in graph.looks if not _is_same(one, seen)]
+    if graph.now is not None:
+        ages = {one: has_stayed(one.time, graph.now, stays(one.thing)) for one in looks}
+        looks = _leave_faint({one: one.chance * ages[one] for one in looks}, seen.thing)
     things = {seen.thing, *(one.thing for one in looks)}
     if len(looks) >= MAX_ROBOT_LOOKS or len(things) > MAX_ROBOT_SOUGHT:
         raise RecipeError(
@@ -163,6 +178,20 @@ def look(graph: PartialGraph, seen: Look, *, stays: float = math.inf) -> Partial
             where=graph.scene_id,
         )
     return replace(graph, looks=(*looks, joined))
+
+
+def _leave_faint(left: Mapping[Look, float], thing: str) -> list[Look]:
+    """Return looks without those of which little is left; beside them, one more has room."""
+    things, kept = {thing}, set[Look]()
+    for one in sorted(left, key=lambda one: -left[one]):
+        is_new = one.thing not in things
+        if left[one] < _FADED or len(things) + is_new > MAX_ROBOT_SOUGHT:
+            continue
+        things.add(one.thing)
+        kept.add(one)
+        if len(kept) + 1 >= MAX_ROBOT_LOOKS:
+            break
+    return [one for one in left if one in kept]
 
 
 def _is_same(one: Look, other: Look) -> bool:
@@ -176,15 +205,20 @@ def find_all(
 ) -> PartialGraph:
     """Return the partial graph after all of a room was seen, and only these of its objects.
 
-    Nobody doubts them any more, and no look has missed anything there.
+    Nobody doubts them any more, and no look has missed anything there. What was reported of a later
+    time stays.
     """
-    here = [obj for obj in graph.objects if obj.room_index == room_index]
+    here = [
+        obj
+        for obj in graph.objects
+        if obj.room_index == room_index and not is_before(time, obj.time)
+    ]
     graph = lose(graph, {obj.name for obj in here}.difference(names))
     for obj in here:
         if obj.name in names:
             graph = see_object(graph, replace(obj, score=None, time=time))
-    looks = tuple(one for one in graph.looks if one.room_index != room_index)
-    graph = replace(graph, looks=looks)
+    looks = (o for o in graph.looks if o.room_index != room_index or is_before(time, o.time))
+    graph = replace(graph, looks=tuple(looks))
     return enter(graph, room_index, hidden_share=ShareBelief(0.0), time=time)
 
 

@@ -210,7 +210,7 @@ class _Remembered(SaidRecord):
     category: Text
     # Each with the time, the room (null: none) and the piece of furniture (null: unknown).
     sightings: Annotated[
-        Listed[tuple[Time, Id | None, Id | None]], Field(max_length=MOST_SIGHTINGS)
+        Listed[tuple[Time, Id | None, Id | None]], Field(min_length=1, max_length=MOST_SIGHTINGS)
     ]
 
 
@@ -399,6 +399,7 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
     rooms: tuple[KnownRoom, ...] = document.rooms
     index = _number([room.name for room in rooms], "room")
     _number([obj.id for obj in document.objects], "object")
+    _number([one.id for one in document.memory], "remembered thing's")
     room_of = {obj.id: obj.room for obj in document.objects}
     _require_support({obj.id: obj.on for obj in document.objects if obj.on is not None}, room_of)
     objects = []

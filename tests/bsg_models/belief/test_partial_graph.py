@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,13 +29,13 @@ from bsg_models.belief.partial_graph import (
     PartialGraph,
     SeenObject,
 )
+from bsg_robot.graph import reports
 from bsg_robot.graph.reports import (
     describe,
     discover,
     enter,
     find_all,
     find_near,
-    look,
     see_object,
 )
 
@@ -189,6 +190,9 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(
 
 
 # Looks, scores, and sightings of the same thing
+
+
+look = partial(reports.look, stays=lambda _: 48.0)
 
 
 def test_looks_of_one_thing_in_one_room_become_one() -> None:

@@ -701,6 +701,6 @@ def test_pairs_of_rooms_and_things_that_looks_sought_are_bounded() -> None:
     assert len(graph.looks) == 2 * MAX_ROBOT_SOUGHT
     with refuses(RobotGraphError, "graph-malformed", "x"):
         parse_robot_graph({**two, "looks": [*looks, looks[0] | {"thing": "mug"}]}, path=Path("x"))
-    reports.look(graph, Look(2, "thing 1", 0.5))
+    reports.look(graph, Look(2, "thing 1", 0.5), stays=lambda _: 48.0)
     with refuses(RecipeError, "looks-too-many", "x"):
-        reports.look(graph, Look(2, "mug", 0.5))
+        reports.look(graph, Look(2, "mug", 0.5), stays=lambda _: 48.0)
