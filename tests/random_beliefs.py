@@ -82,7 +82,7 @@ def _live_in(graph: PartialGraph, rng: np.random.Generator) -> PartialGraph:
     first = float(rng.choice([0.0, 1.7e9]))
 
     def time() -> float:
-        return first + float(rng.uniform(0, 1e6))
+        return round(first + float(rng.uniform(0, 1e6)), 6)
 
     def sightings(number: int) -> tuple[Sighting, ...]:
         times = sorted(time() for _ in range(number))

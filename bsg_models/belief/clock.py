@@ -68,7 +68,7 @@ def show_time(time: float | None) -> str | float | None:
     >>> show_time(1732800000.0), show_time(3600.0)
     ('2024-11-28T13:20:00Z', 3600.0)
     """
-    if time is None or time < _DATED or time != round(time, 6):  # dates have microseconds
+    if time is None or time < _DATED:
         return time
     return datetime.fromtimestamp(time, timezone.utc).isoformat().replace("+00:00", "Z")
 
