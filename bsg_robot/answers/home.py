@@ -33,6 +33,7 @@ from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import SeenPieces, kind_of
 from bsg_robot.things.things import find_group, find_receptacle, keeps_together
 
+_MOST_PLACES = 20  # of an answer
 _ITSELF, _ITS_GROUP = 2, 1  # ranks of what people say of a thing
 
 
@@ -180,7 +181,8 @@ class Home:
             last = show_time(max(times, default=None))
             is_told = (node, piece) in told.weights
             habits.append(Habit(rooms[node], piece, weight / total, len(times), last, is_told))
-        return tuple(sorted(habits, key=lambda one: (one.room is None, -one.share)))
+        *places, anywhere = sorted(habits, key=lambda one: (one.room is None, -one.share))
+        return (*places[:_MOST_PLACES], anywhere)
 
     def _weigh_kin(self, meaning: Meaning, own: Sequence[Track]) -> Places:
         """Return the weights of places of other things of the groups that are kept together."""
