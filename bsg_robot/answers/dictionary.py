@@ -31,7 +31,8 @@ from bsg_robot.things.uses import find_use, move_thing
 
 THINGS = "things-v1"  # the table of everyday things, where it answers
 _STAYS = 48.0  # hours, of a thing that no table has
-_MOST = 1000  # words that are remembered, of each model
+_MOST = 10_000  # words that are remembered, of each model
+_MOST_NAMED = 1000  # the same, of each thing
 _MEANINGS: WeakKeyDictionary[Predictor, dict[str, Meaning | None]] = WeakKeyDictionary()
 
 
@@ -162,7 +163,7 @@ class Dictionary:
         if found is None:
             if len(self._names) >= MAX_ROBOT_SOUGHT:
                 self._names.clear()
-            found = self._names[meaning.word] = lru_cache(_MOST)(self._tell_names(meaning))
+            found = self._names[meaning.word] = lru_cache(_MOST_NAMED)(self._tell_names(meaning))
         return found
 
     def _tell_names(self, meaning: Meaning) -> Callable[[str], bool]:

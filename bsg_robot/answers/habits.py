@@ -38,9 +38,10 @@ _OLD, _NEW = 30.0, 4.0  # days after which half of the weight of sightings is le
 _LASTS = 1 / 3  # this part, and of the rest
 _STEADY = 40.0  # hours for which a thing stays that make up for one sighting elsewhere
 _JUST = 1.0  # hours after which half of what was just seen may have been put back
+_ASTRAY = 0.3  # of the prior, for all places alike: no table knows this home
 ALIKE = 0.3  # of the sightings of another thing that is called alike
-_KIN = 3.0  # most that sightings of other things of the group weigh, in all
-_HALF_KIN = 10.0  # sightings of them that weigh half of that
+_KIN = 1.0  # most that sightings of other things of the group weigh, in all
+_HALF_KIN = 3.0  # sightings of them that weigh half of that
 TOLD = 10.0  # of what people say: as two weeks of daily sightings
 TOLD_KIN = 0.3  # of what people say of another thing of the group
 NEVER = 0.001  # of the prior, where people say that a thing never is
@@ -99,6 +100,10 @@ def leave(weights: Places, left: Places) -> Places:
     }
 
 
+def _share(weights: Floats) -> Floats:
+    return np.asarray(weights / (weights.sum() or 1.0))
+
+
 class Usual:
     """Where things of one kind are, for N nodes; one thing after the other is added.
 
@@ -108,21 +113,22 @@ class Usual:
         names: ids of those that were seen.
     """
 
-    def __init__(self, prior: Floats, left: Places, hide: Floats) -> None:
+    def __init__(self, prior: Floats, left: Places, hide: Floats, places: Floats) -> None:
         """Begin without things.
 
         Args:
             prior: `[N]` expected number by all but this home's habits; the building's is not used.
             left: share of the prior of places that is left by what people say.
             hide: `[N]` P(a thing at a node was not seen there).
+            places: `[N]` number of places of each node, 0 of the building.
         """
-        self.prior, self._left, self._hide = prior.copy(), left, hide
-        self.prior[0] = 0.0
+        self._left, self._hide = left, hide
+        kept, astray = prior * (places > 0), places * hide
         for (node, piece), share in left.items():
             if piece is None:
-                self.prior[node] *= share
-        if total := self.prior.sum():
-            self.prior /= total
+                kept[node] *= share
+                astray[node] *= share
+        self.prior = (1 - _ASTRAY) * _share(kept) + _ASTRAY * _share(astray)
         self.none, self.there = np.ones(len(prior)), np.zeros(len(prior))
         self.names: set[str] = set()
         self._loose = np.zeros(len(prior))
@@ -193,7 +199,8 @@ class Usual:
         before = furniture or Furniture((), np.ones(1))
         more = tuple(o for o in objects if o.name in known and o not in before.pieces)
         left = [self._left.get((node, piece.name), 1.0) for piece in before.pieces]
-        *each, rest = before.rates
+        alike = before.rates.sum() / len(before.rates)
+        *each, rest = (1 - _ASTRAY) * before.rates + _ASTRAY * alike
         rates = np.array([*(each * np.array(left)), *np.zeros(len(more)), rest])
         pieces, loose = (*before.pieces, *more), float(self._loose[node])
         at = np.array([*(known.pop(piece.name, 0.0) for piece in pieces), 0.0])

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from bsg_data.arrays import Floats
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import show_time
@@ -30,9 +32,10 @@ from bsg_robot.answers.habits import (
 )
 from bsg_robot.answers.place import Habit
 from bsg_robot.answers.words import Meaning
-from bsg_robot.things.pieces import SeenPieces, kind_of
+from bsg_robot.things.pieces import SeenPieces
 from bsg_robot.things.things import find_group, find_receptacle, keeps_together
 
+_MOST_ALIKE = 100  # things of a kind of which each has habits of its own
 _MOST_PLACES = 20  # of an answer
 _ITSELF, _ITS_GROUP = 2, 1  # ranks of what people say of a thing
 
@@ -120,12 +123,19 @@ class Home:
         )
 
     def tracks_of(self, meaning: Meaning) -> list[Track]:
-        """Return the tracks of things of a meaning."""
-        return self._select(self._words.names(meaning))
+        """Return the tracks of things of a meaning, the latest first."""
+        tracks = self._select(self._words.names(meaning))
+        return sorted(tracks, key=lambda one: -one.sightings[-1].time)
 
     def _select(self, is_such: Callable[[str], bool]) -> list[Track]:
-        words = {word for word in {one.word for one in self.tracks} if is_such(word)}
-        return [one for one in self.tracks if one.word in words]
+        return [one for word, some in self._by_word.items() if is_such(word) for one in some]
+
+    @cached_property
+    def _by_word(self) -> Mapping[str, list[Track]]:
+        found = defaultdict(list)
+        for one in self.tracks:
+            found[one.word].append(one)
+        return found
 
     def learn(self, meaning: Meaning, prior: Floats, unseen: Floats) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
@@ -139,15 +149,18 @@ class Home:
         kin, told = self._weigh_kin(meaning, own), self._hear(meaning)
         if not (own or kin or told.weights or told.left):
             return None
-        usual, now = Usual(prior, told.left, unseen), self._said.now or 0.0
+        pieces = [1 + len(self._pieces(node).pieces) for node in range(1, len(prior))]
+        usual = Usual(prior, told.left, unseen, np.array([0, *pieces]))
+        now = self._said.now or 0.0
         each = {one.name: weigh_sightings(one.sightings, now) for one in own}
         every = join(*((places, 1.0) for places in each.values()))
         others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)
-        for one in own:
-            if one.there == 1:  # nobody doubts it, and it is counted as seen
-                continue
+        moved = [one for one in own if one.there < 1]  # the rest is counted as seen
+        for one in moved[:_MOST_ALIKE]:
             weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
+        more = sum(one.moved for one in moved[_MOST_ALIKE:])
+        usual.add_others(more, join((every, ALIKE), (others, 1.0)))
         number = float(prior[1:].sum())
         if meaning.is_class:  # models count the others where they saw none
             usual.add_others(number, leave(told.weights, told.left))
@@ -172,15 +185,19 @@ class Home:
         if len(weights) == 1:
             return ()  # nothing but what is known of all homes
         total, rooms = sum(weights.values()), [None, *(room.name for room in self._said.rooms)]
-        at: dict[tuple[int, str | None], list[float]] = defaultdict(list)
-        for sight in seen:
-            at[sight.room_index, sight.on].append(sight.time)
-        habits = []
-        for (node, piece), weight in weights.items():
-            times = at[node, piece]
-            last = show_time(max(times, default=None))
-            is_told = (node, piece) in told.weights
-            habits.append(Habit(rooms[node], piece, weight / total, len(times), last, is_told))
+        times = Counter(sight[1:] for sight in seen)
+        last = {sight[1:]: sight.time for sight in sorted(seen, key=lambda one: one.time)}
+        habits = [
+            Habit(
+                rooms[place[0]],
+                place[1],
+                weight / total,
+                times[place],
+                show_time(last.get(place)),
+                place in told.weights,
+            )
+            for place, weight in weights.items()
+        ]
         *places, anywhere = sorted(habits, key=lambda one: (one.room is None, -one.share))
         return (*places[:_MOST_PLACES], anywhere)
 
@@ -199,15 +216,14 @@ class Home:
         """Return what people say of a thing; what they say of its group or kin counts after it."""
         customs = [(self._rank(one, meaning), one) for one in self._said.customs]
         best = max((rank for rank, one in customs if not one.never), default=0.0)
-        weights: list[tuple[Places, float]] = []
+        told: list[tuple[Places, float]] = []
         left: dict[tuple[int, str | None], float] = {}
         for rank, one in customs:
-            places = self._places_of(one) if rank else []
             if one.never and rank >= max(best, _ITS_GROUP):
-                left |= dict.fromkeys(places, NEVER)
-            elif places and not one.never and rank == best > 0:
-                weights.append((dict.fromkeys(places, 1 / len(places)), min(1.0, rank) * TOLD))
-        return _Told(join(*weights), left, best == _ITSELF)
+                left |= dict.fromkeys(self._places_of(one), NEVER)
+            elif not one.never and rank == best > 0 and (places := self._places_of(one)):
+                told.append((dict.fromkeys(places, TOLD / len(places)), min(1.0, rank)))
+        return _Told(join(*told), left, best == _ITSELF)
 
     def _rank(self, custom: Custom, meaning: Meaning) -> float:
         """Return how much a custom says: 2 of the thing, 1 of its group, less of its kin."""
@@ -222,33 +238,28 @@ class Home:
 
     def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:
         """Return the places that a custom names: pieces of a word, in its room or in any."""
-        found = [] if custom.at is None else self.find_pieces(custom, custom.at)
-        if custom.at is None or (custom.room_index and not found):
+        if custom.at is None or (custom.room_index and not self.find_pieces(custom, custom.at)):
             return [(node, None) for node in self._nodes_of(custom)]
-        return found
+        return self.find_pieces(custom, custom.at)
 
     def _nodes_of(self, custom: Custom) -> Sequence[int]:
         return self._nodes if custom.room_index is None else [custom.room_index]
 
     def find_pieces(self, custom: Custom, at: str) -> list[tuple[int, str | None]]:
-        """Return the pieces of furniture that a custom may mean."""
-        nodes = self._nodes_of(custom)
-        keys = at, normalise_name(at), find_receptacle(at)
-        for places, key in zip(self._furniture, keys, strict=True):
-            if found := [place for place in places.get(key, ()) if place[0] in nodes]:
+        """Return the pieces of furniture that a custom may mean: of an id, a word, or a kind."""
+        for called in (("id", at), normalise_name(at), find_receptacle(at)):
+            places = self._called.get(called, ())
+            if found := [one for one in places if custom.room_index in (None, one[0])]:
                 return found
         return []
 
     @cached_property
-    def _furniture(self) -> tuple[Mapping[object, list[tuple[int, str | None]]], ...]:
-        """Id, word and kind → the pieces of furniture."""
-        by_name: dict[object, list[tuple[int, str | None]]] = defaultdict(list)
-        by_word, by_kind = by_name.copy(), by_name.copy()
+    def _called(self) -> Mapping[object, list[tuple[int, str | None]]]:
+        """The places of the furniture of an id, a word, or a kind."""
+        called: dict[object, list[tuple[int, str | None]]] = defaultdict(list)
         for node in self._nodes:
-            for piece in self._pieces(node).pieces:
-                place = node, piece.name
-                by_name[piece.name].append(place)
-                by_word[normalise_name(piece.raw_category)].append(place)
-                by_kind[kind_of(piece)].append(place)
-        by_kind.pop(None, None)
-        return by_name, by_word, by_kind
+            seen = self._pieces(node)
+            for piece, kind in zip(seen.pieces, seen.kinds, strict=True):
+                for name in (("id", piece.name), normalise_name(piece.raw_category), kind):
+                    called[name].append((node, piece.name))
+        return called

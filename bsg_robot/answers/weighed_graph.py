@@ -224,7 +224,7 @@ class WeighedGraph:
 
     def _look_up(self, meaning: Meaning) -> ThingBelief:
         hidden, none = self._expect_hidden(meaning)
-        if (usual := self.find_usual(meaning)) is not None:
+        if (usual := self.find_usual(meaning, hidden)) is not None:
             hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
         for obj in self._list_found(meaning):
@@ -254,14 +254,17 @@ class WeighedGraph:
             still[obj.name] = stayed * (TRUSTED if is_doubted else obj.probability)
         return Home(self.said, still, self._words, pieces=self.pieces_of)
 
-    def find_usual(self, meaning: Meaning) -> Usual | None:
-        """Return where such things usually are; None if this home has taught nothing of them."""
+    def find_usual(self, meaning: Meaning, hidden: CountDistribution | None = None) -> Usual | None:
+        """Return where such things usually are; None if this home has taught nothing of them.
+
+        Their hidden counts without it may be given.
+        """
         if not self.home.teaches:
             return None
         if meaning.word not in self._usual:
             if len(self._usual) >= _MOST_SOUGHT:
                 self._usual.clear()
-            presence = self._expect_hidden(meaning)[0].presence[:, 0]
+            presence = (hidden or self._expect_hidden(meaning)[0]).presence[:, 0]
             prior = -np.log1p(-presence.clip(max=_SURELY))
             self._usual[meaning.word] = self.home.learn(meaning, prior, self._hide(meaning))
         return self._usual[meaning.word]
@@ -464,10 +467,9 @@ def _has_stayed(
     said = obj.stays or graph.stays
     stays = words.staying(said)(obj.raw_category)
     stayed = has_stayed(obj.time, graph.now, stays)
-    known = memory.get(obj.name)
-    if known is not None and said is None:
-        here = obj.room_index, obj.on
-        elsewhere = sum(one[1:] != here for one in known.sightings)
+    if said is None:
+        known, here = memory.get(obj.name), (obj.room_index, obj.on)
+        elsewhere = sum(one[1:] != here for one in known.sightings) if known else 0
         stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)
     return stayed if stayed < _STAYED else 1.0
 

@@ -16,6 +16,7 @@ from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject
 MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
 MOST_IN_ALL = 50_000  # about 5 MB of JSON
 LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
+MOST_THINGS = 10_000
 
 
 def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
@@ -137,8 +138,8 @@ def _bound(kept: Mapping[str, Remembered]) -> tuple[Remembered, ...]:
     Of too many things, those that were seen last are kept.
     """
     most = MOST_SIGHTINGS
-    if len(kept) > MOST_IN_ALL:
-        last = sorted(kept, key=lambda name: kept[name].sightings[-1].time)[-MOST_IN_ALL:]
+    if len(kept) > MOST_THINGS:
+        last = sorted(kept, key=lambda name: kept[name].sightings[-1].time)[-MOST_THINGS:]
         kept = {name: kept[name] for name in last}
     while most > 1 and sum(min(most, len(one.sightings)) for one in kept.values()) > MOST_IN_ALL:
         most //= 2

@@ -109,7 +109,7 @@ from bsg_models.belief.partial_graph import (
     Unread,
 )
 from bsg_robot.graph.map_forms import FORM, open_belief, require_few, spell_out
-from bsg_robot.graph.memory import MOST_IN_ALL, MOST_SIGHTINGS, say_time, start_clock
+from bsg_robot.graph.memory import MOST_IN_ALL, MOST_SIGHTINGS, MOST_THINGS, say_time, start_clock
 from bsg_robot.things.things import classify_seen
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
@@ -319,7 +319,7 @@ class _Graph(SaidRecord):
     stays: Stay | None = None
     now: Time | None = None
     memory: Annotated[
-        Listed[_Remembered], Field(max_length=MAX_ROBOT_OBJECTS), BeforeValidator(_count_sightings)
+        Listed[_Remembered], Field(max_length=MOST_THINGS), BeforeValidator(_count_sightings)
     ] = ()
     customs: Annotated[Listed[_Custom], Field(max_length=MAX_ROBOT_CUSTOMS)] = ()
     room_labels: Annotated[
@@ -425,7 +425,7 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         more_rooms=document.more_rooms,
         stays=document.stays,
         memory=tuple(_read_memory(one, index) for one in document.memory),
-        customs=tuple(_read_custom(one, index) for one in document.customs),
+        customs=tuple(dict.fromkeys(_read_custom(one, index) for one in document.customs)),
         room_labels=tuple(document.room_labels.items()),
         unread=document.unread,
         detector=None

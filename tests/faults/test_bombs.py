@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, MAX_ROBOT_SOUGHT
+from bsg_robot.graph.memory import MOST_THINGS
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
 SECONDS, BYTES = 20, 2 * 2**30
@@ -40,7 +41,11 @@ TYPES = [{f"w{n}x{m}": 0.01 for m in range(60)} for n in range(5_000)]
 KINDS = json.dumps({"rooms": [{"id": f"k{n}", "room_type": one} for n, one in enumerate(TYPES)]})
 CROSSED = [[n * 7 % 11, n * n % 13] for n in range(256)]
 FLOORS = json.dumps({"rooms": [{"id": f"k{n}", "footprint": CROSSED} for n in range(4_900)]})
+SIGHTINGS = [
+    {"id": f"{n}", "category": "mug", "sightings": [[n, "k", "t"]] * 999} for n in range(999)
+]
 BOMBS = {
+    "998,001 sightings": json.dumps({"rooms": [{"id": "k"}], "memory": SIGHTINGS}),
     "1,000,000 brackets": "[" * 1_000_000,
     "10,000,000 digits": "1" * 10_000_000,
     "20,000,000 lists": LISTS,
@@ -62,6 +67,14 @@ SIMPLE = {f"room {one}": [f"thing {one} {n}" for n in range(10)] for one in rang
 TABLES = [{"id": f"t{n}", "room": "k", "category": "table"} for n in range(24_000)]
 MUGS = [{"id": f"m{n}", "room": "k", "category": "mug"} for n in range(24_000)]
 CUPS = [{"id": f"{n}", "room": "k", "category": "cup", "on": f"{n + 1}"} for n in range(49_000)]
+
+
+def remember(things: int, sightings: int) -> list[dict[str, object]]:
+    """Return a memory of different things, each seen on tables."""
+    on = [[n, "k", f"t{n}"] for n in range(sightings)]
+    return [{"id": f"m{n}", "category": f"q{n}w mug", "sightings": on} for n in range(things)]
+
+
 PILES: dict[str, dict[str, object]] = {
     "loose mugs and a look": {
         "objects": [*TABLES, *MUGS],
@@ -74,6 +87,13 @@ PILES: dict[str, dict[str, object]] = {
     "looks for many things": {
         "objects": [{"room": "k", "category": f"q{n}w mug"} for n in range(49_000)],
         "looks": [{"room": "k", "thing": f"z{n}e mug"} for n in range(MAX_ROBOT_SOUGHT)],
+    },
+    "many things remembered": {"now": 9, "memory": remember(MOST_THINGS, 1)},
+    "many mugs remembered": {
+        "objects": TABLES,
+        "now": 9,
+        "memory": [one | {"category": "mug"} for one in remember(800, 60)],
+        "customs": [{"thing": "mug", "at": f"t{n}"} for n in range(1000)],
     },
     "long names": {
         "objects": [{"room": "k", "category": f"q{n}w {'abc def ' * 11}"} for n in range(10_000)]

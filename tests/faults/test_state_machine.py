@@ -52,6 +52,8 @@ from bsg_models.studies.search_request import SearchRequest
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
+from bsg_robot.answers.seen_building import open_graph
+from bsg_robot.graph.formats import write_belief
 from bsg_robot.graph.graph_file import open_graph_file
 
 pytestmark = pytest.mark.heavy
@@ -374,6 +376,16 @@ def believe(work: Path) -> None:
     report_beliefs(BeliefRequest(run=work / "run", graphs=graphs, out=out))
 
 
+def save_memory(work: Path) -> None:
+    """What a home has taught, over what was saved before."""
+    home = {"kitchen": ["mug"], "hall": []}
+    for day in range(3):
+        seen = open_graph(work / "home.json") if day else open_graph(home)
+        seen.passes(24)
+        seen.saw("hall" if day % 2 else "kitchen", "mug", object_id="1")
+        write_belief(seen.belief(), work / "home.json")
+
+
 # Command → the part of its kills that is tried, and its work in a folder with a dataset and a run.
 COMMANDS: dict[str, tuple[int, Callable[[Path], object]]] = {
     "build": (1, lambda at: build_dataset(HM3DFolder(at / "hm3d"), at / "new", scenes_per_shard=5)),
@@ -387,6 +399,7 @@ COMMANDS: dict[str, tuple[int, Callable[[Path], object]]] = {
     "synth": (1, lambda at: list(write_synthetic(at / "new", scenes=2, seed=1))),
     "export": (1, lambda at: export_dataset(at / "dataset", at / "new", to="graphml")),
     "belief": (1, believe),
+    "memory": (1, save_memory),
     "evaluate": (3, evaluate),
     "evaluate --force": (3, lambda at: evaluate(at, force=True)),
     "search": (8, search),

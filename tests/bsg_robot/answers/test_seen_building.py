@@ -527,7 +527,10 @@ def test_rooms_that_are_not_found_yet_hold_what_the_found_ones_lack() -> None:
     seen.more_rooms(2)
     seen.discovered("cellar", beside="hall")
     assert seen.graph.more_rooms == 1
-    seen.more_rooms(5)
+    seen.more_rooms(True)
+    usual = seen.anywhere("towel")
+    seen.more_rooms(1)
+    assert seen.anywhere("towel") < usual
     with refuses(RecipeError, "room-named-explore", "explore"):
         seen.discovered("explore")
     assert "explore" not in seen.rooms

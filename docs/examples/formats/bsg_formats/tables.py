@@ -118,7 +118,7 @@ def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
                 node[name] = list(chain.from_iterable(node[name]))
         said = node.get("room_type") or {}
         shares = {said: 1.0} if isinstance(said, str) else said
-        columns = {"node": number, "room_type": list(shares.items()) or None}
+        columns: dict[str, Any] = {"node": number, "room_type": list(shares.items()) or None}
         columns["time"] = read_time(node["time"]) if "time" in node else None
         more = {k: v for k, v in node.items() if v is not None and k not in _SCHEMAS["nodes"].names}
         yield {**node, **columns, "more": encode_json(more, ensure_ascii=False) if more else None}
