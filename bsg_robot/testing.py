@@ -125,7 +125,7 @@ def make_belief(scene_id: str, *, names: Sequence[str]) -> BeliefGraph:
         SeenObject(
             *(str(i), min(i, len(rooms)), name, known.category, known.class_index),
             score=0.75,
-            time=SECONDS + i / 3,
+            time=SECONDS + i / 4,
             stays=12.5,
         )
         for i, name in enumerate(["bed", *names] if names else [])

@@ -36,6 +36,7 @@ from bsg_robot.things.pieces import SeenPieces
 from bsg_robot.things.things import find_group, find_receptacle, keeps_together
 
 _MOST_ALIKE = 100  # things of a kind of which each has habits of its own
+_MOST_PLACES = 20  # of an answer
 _ITSELF, _ITS_GROUP = 2, 1  # ranks of what people say of a thing
 
 
@@ -197,7 +198,8 @@ class Home:
             )
             for place, weight in weights.items()
         ]
-        return tuple(sorted(habits, key=lambda one: (one.room is None, -one.share)))
+        *places, anywhere = sorted(habits, key=lambda one: (one.room is None, -one.share))
+        return (*places[:_MOST_PLACES], anywhere)
 
     def _weigh_kin(self, meaning: Meaning, own: Sequence[Track]) -> Places:
         """Return the weights of places of other things of the groups that are kept together."""

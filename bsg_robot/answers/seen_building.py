@@ -272,9 +272,9 @@ class SeenBuilding(ToldBuilding):
     def habits(self, thing: str) -> tuple[Habit, ...]:
         """Return what this home has taught of where a thing usually is, the likeliest first.
 
-        The last has no room: it is the weight of what is known of all homes. There is none if this
-        home has taught nothing of it. A place without
-        sightings that nobody told is one of other things of its group, such as drinks.
+        There are at most 20, and the last, which has no room: it is the weight of what is known of
+        all homes. There is none if this home has taught nothing of it. A place without sightings
+        that nobody told is one of other things of its group, such as drinks.
         """
         return self._now.home.list_habits(self._now.seek(thing).meaning)
 

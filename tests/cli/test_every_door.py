@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -392,3 +393,18 @@ def test_every_door_says_what_is_wrong_with_a_budget_a_speed_or_a_cost(
     for door, fault in said.items():
         assert FAULTS[wrong] in fault, (door, fault)
         assert "costs: costs: " not in fault, door
+
+
+@pytest.mark.parametrize("now", ["soon", "2026-11-28T08:30:00", "nan", -1e12, "2026-11-20T08:30Z"])
+def test_every_door_refuses_what_is_no_time_or_is_before_the_last_report(
+    now: Any, service: Any
+) -> None:
+    asked = Question(LIVED, "keys", "hall", now=now)
+    robot = Robot(open_graph(LIVED))
+    said = {
+        "ROS": robot.answer("passes", {"until": now})["error"],
+        "command": " ".join(ask_command(asked).stderr.split()),
+        **{door: told["error"] for door, told in by_service(service, asked).items()},
+    }
+    for door, fault in said.items():
+        assert re.search("expected (a time|seconds)", fault), (door, fault)
