@@ -73,7 +73,7 @@ class Home:
 
     Args of `__init__`:
         said: the graph as the robot said it.
-        still: object → P(it is where it was seen), before looks.
+        still: object → P(it was there when it was seen), P(it still is), before looks.
         words: what words mean.
         pieces: node → its furniture.
     """
@@ -81,7 +81,7 @@ class Home:
     def __init__(
         self,
         said: PartialGraph,
-        still: Mapping[str, float],
+        still: Mapping[str, tuple[float, float]],
         words: Dictionary,
         *,
         pieces: Callable[[int], SeenPieces],
@@ -105,9 +105,10 @@ class Home:
                 continue
             last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
             sightings = self._place([*(known.sightings if known else ()), *last])
-            still = self._still[obj.name]
-            # A sighting that was wrong is of no object that may be elsewhere.
-            moved = EXISTS * (obj.probability - still)
+            real, still = self._still[obj.name]
+            # A sighting that was wrong is of no object that may be elsewhere, unless it was seen
+            # before.
+            moved = EXISTS * ((1.0 if known else real) - still)
             tracks.append(Track(obj.name, obj.raw_category, sightings, still, moved))
         gone = (
             Track(one.name, one.raw_category, self._place(one.sightings), 0.0, EXISTS)

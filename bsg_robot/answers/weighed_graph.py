@@ -251,7 +251,8 @@ class WeighedGraph:
         for obj in self.said.objects:
             stayed = self._stayed(obj)
             is_doubted = obj.score is None and after.get(obj.name, 0.0) < stayed
-            still[obj.name] = stayed * (TRUSTED if is_doubted else obj.probability)
+            seen = TRUSTED if is_doubted else obj.probability
+            still[obj.name] = seen, seen * stayed
         return Home(self.said, still, self._words, pieces=self.pieces_of)
 
     def find_usual(self, meaning: Meaning, hidden: CountDistribution | None = None) -> Usual | None:
