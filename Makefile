@@ -104,6 +104,7 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute th
 
 figures: demo ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
+	$(BIN)/python scripts/figures/living.py --out docs/figures/living.svg
 	$(BIN)/python scripts/figures/search.py $(DEMO)/dataset --scene 00017-sta13NdfxpY --out docs/figures/search.png
 	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html --force
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"

@@ -61,7 +61,8 @@ def list_spots(
 ) -> list[Spot]:
     """Return the pieces of a room where a thing may be, then the rest of the room.
 
-    What was seen, and nobody said on what, is on a piece that was seen.
+    What was seen, and nobody said on what, is on a piece that was seen. What is on something else,
+    such as the floor, is in the rest.
 
     Args:
         furniture: of the room.
@@ -71,10 +72,13 @@ def list_spots(
         looked: what was looked at for such a thing there.
     """
     shares = furniture.shares(missed_by(looked)).tolist()
-    lying: dict[str | None, list[SeenObject]] = {}  # None: nobody said on what
+    lying: dict[str | None, list[SeenObject]] = {}
+    unsaid: list[SeenObject] = []
+    names = furniture.names
     for obj in seen:
-        lying.setdefault(on.get(obj.name), []).append(obj)
-    loose = is_there(lying.pop(None, ()))
+        below = obj.on if obj.on in names else on.get(obj.name)
+        (unsaid if obj.on is None else lying.setdefault(below, [])).append(obj)
+    loose = is_there(unsaid)
     known = 1 - shares[-1] if furniture.pieces else 1.0
     spots = []
     for piece, share in zip((*furniture.pieces, None), shares, strict=True):

@@ -34,8 +34,8 @@ PRIOR = 0.5  # α, of the prior in all
 _BASE = 0.6  # of each sighting
 _SAME_HOUR = 2.0  # of a sighting at this time of another day, besides
 _NEAR = 3.0  # hours, the standard deviation of that time
-_OLD, _NEW = 30.0, 4.0  # days after which half of the weight of sightings is left, of
-_LASTS = 1 / 3  # this part, and of the rest
+_OLD, _NEW = 20.0, 4.0  # days after which half of the weight of sightings is left, of
+_LASTS = 0.5  # this part, and of the rest
 _STEADY = 40.0  # hours for which a thing stays that make up for one sighting elsewhere
 _JUST = 1.0  # hours after which half of what was just seen may have been put back
 _ASTRAY = 0.3  # of the prior, for all places alike: no table knows this home
@@ -45,6 +45,7 @@ _HALF_KIN = 3.0  # sightings of them that weigh half of that
 TOLD = 10.0  # of what people say: as two weeks of daily sightings
 TOLD_KIN = 0.3  # of what people say of another thing of the group
 NEVER = 0.001  # of the prior, where people say that a thing never is
+AGAIN = 0.3  # further sightings of the same things after which half as many others are expected
 OTHERS = 0.1  # of the number that the table expects, besides those that were seen here
 KEPT = 2.3  # expected number of a thing of which people say where they keep it: P of .9
 EXISTS = 0.97  # P(a thing that this home has had is still in it)
@@ -159,6 +160,13 @@ class Usual:
         numbers = self._spread(number, weights)
         numbers[0] = number
         self.none *= np.exp(-numbers)
+
+    def add_counted(self, numbers: Floats) -> None:
+        """Add expected numbers of unseen things, `[N]`, where a model counts them."""
+        left = [self._left.get((node, None), 1.0) for node in range(len(numbers))]
+        numbers = numbers * np.array([0.0, *left[1:]])
+        self._loose += numbers
+        self.none *= np.exp(-np.array([numbers.sum(), *numbers[1:]]))
 
     def _spread(self, number: float, weights: Places) -> Floats:
         """Put a number of things where the weights and the prior say; return it by node, `[N]`."""

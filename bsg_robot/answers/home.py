@@ -15,6 +15,7 @@ from bsg_models.belief.clock import show_time
 from bsg_models.belief.partial_graph import Custom, PartialGraph, Sighting
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import (
+    AGAIN,
     ALIKE,
     EXISTS,
     KEPT,
@@ -162,15 +163,26 @@ class Home:
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         more = sum(one.moved for one in moved[_MOST_ALIKE:])
         usual.add_others(more, join((every, ALIKE), (others, 1.0)))
-        number = float(prior[1:].sum())
-        if meaning.is_class:  # models count the others where they saw none
-            usual.add_others(number, leave(told.weights, told.left))
+        unknown = prior * self._expect_others(own, len(prior))
+        if meaning.is_class and not told.weights:  # models count the others where they saw none
+            usual.add_counted(unknown)
         else:
-            part = OTHERS if own or told.is_own else 1.0
-            usual.add_others(part * number, join((every, 1.0), (others, 1.0)))
+            part = OTHERS if (own or told.is_own) and not meaning.is_class else 1.0
+            usual.add_others(part * float(unknown[1:].sum()), join((every, 1.0), (others, 1.0)))
         if told.is_own and not own:
             usual.add_others(KEPT, others)
         return usual
+
+    def _expect_others(self, own: Sequence[Track], nodes: int) -> Floats:
+        """Return the share of unseen others that is left at each node, `[N]`.
+
+        Who sees the same chairs again and again has seen all, in the rooms where he was.
+        """
+        again = sum(len(one.sightings) for one in own) - len(own)
+        left = np.ones(nodes)
+        for node, room in enumerate(self._said.rooms, 1):
+            left[node] = AGAIN / (AGAIN + again) if room.visited else 1.0
+        return left
 
     def list_habits(self, meaning: Meaning) -> tuple[Habit, ...]:
         """Return the places that such things have in this home, the likeliest first."""

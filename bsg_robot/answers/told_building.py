@@ -364,7 +364,7 @@ class ToldBuilding:
         index = find_room(self.graph, room)
         is_such = self._words.names(self._words.understand(thing))
         piece = None if at is None else self._find_piece(at, index)
-        if piece is not None and kind_of(piece) is None:
+        if piece is not None and kind_of(piece) is None and not self._has_held(piece.name):
             raise RecipeError(
                 f"looked for {thing[:SHOWN]!r}: at: {piece.name[:SHOWN]!r} is no furniture that "
                 "holds things; leave `at` out, if the look was into the whole room",
@@ -378,6 +378,11 @@ class ToldBuilding:
             look = Look(index, thing, chance, None if piece is None else piece.name, time)
             graph = reports.look(graph, look, stays=self._words.staying(graph.stays))
         self._change(graph)
+
+    def _has_held(self, name: str) -> bool:
+        """Return whether anything was ever seen on an object."""
+        before = (sight.on for one in self.graph.memory for sight in one.sightings)
+        return name in {*(obj.on for obj in self.graph.objects), *before}
 
     def _find_piece(self, said: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""

@@ -70,6 +70,13 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     if is_before(seen.time, last):
         return replace(graph, memory=remember(graph.memory, [seen]))
     memory = graph.memory if known is None else remember(graph.memory, [known])
+    # What is on an object shows that it is still there, too.
+    others = tuple(
+        replace(obj, time=seen.time)
+        if obj.name == seen.on and is_before(obj.time, seen.time)
+        else obj
+        for obj in others
+    )
     return follow_rooms(graph, replace(graph, objects=(*others, seen), memory=memory))
 
 

@@ -19,7 +19,7 @@ NUMBER = re.compile(r"\d+\.\d+")  # a place; processors differ in its last digit
 
 def test_every_picture_is_drawn_by_make_figures() -> None:
     recipe = (REPOSITORY / "Makefile").read_text("utf-8").split("\nfigures:")[1].split("\n\n")[0]
-    drawn = set(re.findall(r"docs/figures/(\w+\.png)", recipe)) | set(CONCEPTS.FIGURES)
+    drawn = set(re.findall(r"docs/figures/(\w+\.(?:png|svg))", recipe)) | set(CONCEPTS.FIGURES)
     assert drawn | {"robot.png"} == {path.name for path in FIGURES.iterdir()}
 
 
