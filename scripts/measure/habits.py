@@ -21,7 +21,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from bsg_rivals.habits import RULES
 from results import ResultsTable, write_figures
 
 from bsg_data.arrays import Floats
@@ -232,11 +231,16 @@ def _by_rule(rule: Callable[..., Floats]) -> Callable[[Asked], Floats]:
     return lambda one: rule(one.sightings, _clock(one.question.minute), len(one.home.places))
 
 
-ANSWERS: dict[str, Callable[[Asked], Floats]] = {
-    "ours": lambda one: answer(one.seen, one.home, one.word),
-    "ours, the prior alone": lambda one: _answer_first(one.home, one.word),
-    **{name: _by_rule(rule) for name, rule in RULES.items()},
-}
+@cache
+def list_answers() -> dict[str, Callable[[Asked], Floats]]:
+    """Return our answers and those of rivals, by name."""
+    from bsg_rivals.habits import RULES  # a package of its own, that a `--help` does not need
+
+    return {
+        "ours": lambda one: answer(one.seen, one.home, one.word),
+        "ours, the prior alone": lambda one: _answer_first(one.home, one.word),
+        **{name: _by_rule(rule) for name, rule in RULES.items()},
+    }
 
 
 def judge(one: Asked, likely: Floats) -> tuple[float, float, bool]:
@@ -259,14 +263,15 @@ def compare(ours: Floats, other: Floats, things: Sequence[object]) -> str:
 
 def measure(homes: Sequence[Household], days: Sequence[int], number: int) -> list[ResultsTable]:
     """Return the tables: right and log loss by days, and ours against the best rival."""
-    places: dict[str, list[str]] = {name: [name] for name in ANSWERS}
-    rooms: dict[str, list[str]] = {name: [name] for name in ANSWERS}
+    answers = list_answers()
+    places: dict[str, list[str]] = {name: [name] for name in answers}
+    rooms: dict[str, list[str]] = {name: [name] for name in answers}
     against = []
     for many in days:
         asked = [*pose(homes, many, number)]
         found = {
             name: np.array([judge(one, rule(one)) for one in asked], dtype=np.float64)
-            for name, rule in ANSWERS.items()
+            for name, rule in answers.items()
         }
         for name, judged in found.items():
             loss, loss_room, right = judged.mean(axis=0)
@@ -275,7 +280,7 @@ def measure(homes: Sequence[Household], days: Sequence[int], number: int) -> lis
         things = [(id(one.home), one.question.thing) for one in asked]
         row = [str(many)]
         for column in (0, 1):
-            rival = min([*ANSWERS][1:], key=lambda name: found[name][:, column].mean())
+            rival = min([*answers][1:], key=lambda name: found[name][:, column].mean())
             losses = (found[name][:, column] for name in ("ours", rival))
             row += [rival, compare(*losses, things)]
         against.append(row)

@@ -297,3 +297,23 @@ def test_the_papers_network_with_a_poisson_law_loses_what_scipy_says() -> None:
     exact = -law.logpmf(targets - seen.inputs).sum()
     assert loss == pytest.approx(exact, abs=0.03 * cells)
     assert model.loss(graph).item() == pytest.approx(loss / cells)
+
+
+def test_rules_of_habits_by_hand() -> None:
+    """A thing that is at place 0 each morning and at place 1 each evening, of three places."""
+    from bsg_rivals.habits import DAY, FLAT, HOUR, RULES
+
+    seen = [
+        (day * DAY + hour * HOUR, place) for day in range(7) for hour, place in ((8, 0), (20, 1))
+    ]
+    morning, evening = 7 * DAY + 8 * HOUR, 7 * DAY + 20 * HOUR
+    for name, rule in RULES.items():
+        assert rule([], morning, 3) == pytest.approx([1 / 3] * 3), name
+        for now in (morning, evening):
+            assert rule(seen, now, 3).sum() == pytest.approx(1), name
+    assert RULES["last seen"](seen, morning, 3).argmax() == 1
+    often = RULES["most often"](seen, morning, 3)
+    assert often == pytest.approx(np.array([7 + FLAT / 3, 7 + FLAT / 3, FLAT / 3]) / (14 + FLAT))
+    for name in ("most often at this hour", "FreMEn", "kernel of hour and age"):
+        assert RULES[name](seen, morning, 3).argmax() == 0, name
+        assert RULES[name](seen, evening, 3).argmax() == 1, name
