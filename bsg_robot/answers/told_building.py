@@ -177,7 +177,8 @@ class ToldBuilding:
         Args:
             room: id or label; None for an object that is in no room.
             thing: its category.
-            object_id: a known id moves the object instead of adding one.
+            object_id: a known id moves the object instead of adding one. A new one is that of such
+                a thing that is gone, if there is one.
             position: metres, Z up.
             score: P(it is there now), such as a detector's score; None if nobody doubts it.
             time: when it was seen: seconds, or ISO 8601 with a zone; None for now.
@@ -211,7 +212,7 @@ class ToldBuilding:
         if object_id is None and within:
             others = [*map(spell_id, besides)]
             seen = self._recognise(graph, seen, within=within, besides=others)
-        graph = reports.see_object(graph, seen)
+        graph = reports.see_object(reports.take_over(graph, seen), seen)
         if reports.is_on_itself(graph, seen):
             raise RecipeError(
                 f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "

@@ -17,6 +17,7 @@ from bsg_models.belief.partial_graph import (
     KnownRoom,
     Look,
     PartialGraph,
+    Remembered,
     SeenObject,
 )
 from bsg_models.search.looks import miss_all, overlooked_at
@@ -305,23 +306,38 @@ def find_moved(
         at: object → P(it is where it was).
         besides: ids of objects that it is not.
     """
+    if gone := _find_gone(graph, seen, besides):
+        return gone.name
     classes = [normalise_name(name) for name in graph.class_space.classes]
-    alike = [
-        o for o in graph.objects if o.name not in besides and _is_alike(o, seen, classes=classes)
-    ]
-    here = {obj.name for obj in graph.objects}
-    word = normalise_name(seen.raw_category)
-    gone = [
-        one
-        for one in graph.memory
-        if one.name not in here
-        and one.name not in besides
-        and normalise_name(one.raw_category) == word
-    ]
-    if gone:
-        return max(gone, key=lambda one: one.sightings[-1].time).name
+    others = (obj for obj in graph.objects if obj.name not in besides)
+    alike = (obj for obj in others if _is_alike(obj, seen, classes=classes))
     moved = min(alike, key=at, default=None)
     return moved.name if moved is not None and at(moved) < EVIDENCE_SCORE else None
+
+
+def take_over(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+    """Return the graph in which a thing with a new id is the one of its class that is gone, if any.
+
+    Trackers give new ids, and what was used up is bought again.
+    """
+    known = {obj.name for obj in graph.objects} | {one.name for one in graph.memory}
+    gone = None if seen.name in known else _find_gone(graph, seen, ())
+    memory = (replace(o, name=seen.name) if o is gone else o for o in graph.memory)
+    return graph if gone is None else replace(graph, memory=tuple(memory))
+
+
+def _find_gone(
+    graph: PartialGraph, seen: SeenObject, besides: Collection[str]
+) -> Remembered | None:
+    """Return the last thing of the word of a sighting that is gone, and nobody knows where."""
+    here = {obj.name for obj in graph.objects}.union(besides)
+    word = normalise_name(seen.raw_category)
+    gone = (
+        one
+        for one in graph.memory
+        if one.name not in here and normalise_name(one.raw_category) == word
+    )
+    return max(gone, key=lambda one: one.sightings[-1].time, default=None)
 
 
 def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -> bool:

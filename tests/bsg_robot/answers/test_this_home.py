@@ -132,6 +132,15 @@ def test_of_two_remotes_one_may_be_gone_and_the_other_is_where_it_is(seen: SeenB
     assert {place.room for place in seen.where("remote control")[:2]} == {"living", "bedroom"}
 
 
+def test_milk_that_is_used_up_and_bought_again_is_one_milk(seen: SeenBuilding) -> None:
+    for day in range(1, 9):
+        name = tell(seen, "milk", "kitchen", "refrigerator", object_id=f"m{day}", time=at(day, 8))
+        seen.gone(name, time=at(day, 20))
+    assert len(seen.graph.memory) == 1
+    (habit, _) = seen.habits("milk")
+    assert habit.sightings == 8
+
+
 def test_a_thing_that_is_always_somewhere_else_may_be_anywhere(seen: SeenBuilding) -> None:
     for day, room in enumerate([*ROOMS] * 2, 1):
         seen.saw(room, "phone", object_id="p", time=at(day, 12))
