@@ -62,13 +62,18 @@ def read_now(said: object) -> float:
         return read_time(said)
 
 
+def is_dated(time: float) -> bool:
+    """Return whether a time is a date; a clock without dates begins at 0."""
+    return time >= _DATED
+
+
 def show_time(time: float | None) -> str | float | None:
     """Return a time as a document has it: a date in UTC, or seconds of a clock without dates.
 
     >>> show_time(1732800000.0), show_time(3600.0)
     ('2024-11-28T13:20:00Z', 3600.0)
     """
-    if time is None or time < _DATED:
+    if time is None or not is_dated(time):
         return time
     return datetime.fromtimestamp(time, timezone.utc).isoformat().replace("+00:00", "Z")
 

@@ -266,11 +266,14 @@ class Remembered:
         name: its id; no object of the graph has it if nobody knows where it is now.
         raw_category: its name in the source.
         sightings: the latest is the last.
+        score: P(there is such a thing): the highest of its detections, which err alike; None if
+            nobody doubts it.
     """
 
     name: str
     raw_category: str
     sightings: tuple[Sighting, ...]
+    score: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
+from typing import Any
 from weakref import WeakKeyDictionary
 
-from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
 from bsg_data.scene.room_label import owner_of
+from bsg_data.words.normal import LONGEST
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.nouns import NounTable, may_be_one, read_nouns
@@ -76,14 +77,9 @@ class Dictionary:
     def understand(self, word: str) -> Meaning:
         """Return what a word means; `RecipeError` if it means no thing."""
         require_word(word)
-        found = self._meanings.get(word)
-        if found is None:
-            found = self._find(word)
-            if found.is_class and found.class_name in self.own.untaught:
-                never = f"no training building had a {found.class_name}, so the model expects none"
-                found = replace(found, how="; ".join(filter(None, (found.how, never))))
-            self._remember(word, found)
-        return found
+        found = self.look_up(word)
+        # Only who asks is told what may have been meant: that takes long.
+        return find_meaning(word, **self._reading) if found is None else found
 
     def look_up(self, word: str) -> Meaning | None:
         """Return what a word means; None if it means no thing."""
@@ -91,11 +87,12 @@ class Dictionary:
             return self._meanings[word]  # which another thread may clear
         except KeyError:
             pass
-        try:
-            return self.understand(word)
-        except RecipeError:  # which takes long, to say what may have been meant
-            self._remember(word, None)
-        return None
+        found = self._find(word) if word.strip() and len(word) <= LONGEST else None
+        if found and found.is_class and found.class_name in self.own.untaught:
+            never = f"no training building had a {found.class_name}, so the model expects none"
+            found = replace(found, how="; ".join(filter(None, (found.how, never))))
+        self._remember(word, found)
+        return found
 
     def _remember(self, word: str, meaning: Meaning | None) -> None:
         if len(self._meanings) >= _MOST:
@@ -107,17 +104,22 @@ class Dictionary:
         """No help for a model that everybody may use, because it is for research."""
         return None if self.own.is_free else read_nouns()
 
-    def _find(self, word: str) -> Meaning:
-        """Return what a word means; the table of everyday things knows more than likenesses do."""
+    @cached_property
+    def _reading(self) -> dict[str, Any]:
+        """How words are read: see `find_known`."""
         own = self.own.class_map
         is_own = own.version not in published_maps()
-        read = partial(find_meaning, class_map=own, prefer_exact=not is_own, nouns=self._nouns)
+        return {"class_map": own, "prefer_exact": not is_own, "nouns": self._nouns}
+
+    def _find(self, word: str) -> Meaning | None:
+        """Return what a word means; the table of everyday things knows more than likenesses do."""
+        own, is_own = self.own.class_map, not self._reading["prefer_exact"]
         if is_own and own.lookup(word):
-            return read(word)
+            return find_known(word, **self._reading)
         listed = find_everyday(word)
         thing, more = (listed, ()) if listed else find_wider(word)
         if thing is None:
-            return read(word)
+            return find_known(word, **self._reading)
         owner = owner_of(word)
         others = [one for one in more if one != owner]
         uses = [one for one in others if find_use(one)]
@@ -126,8 +128,8 @@ class Dictionary:
         for name in () if uses else own.classes:
             if counts(name, thing) and name in taught:
                 how = explain_everyday(thing, word, class_name=name)
-                return replace(read(name), word=word, how=how)
-        known = find_known(thing.name, own, prefer_exact=not is_own, nouns=self._nouns)
+                return replace(find_meaning(name, **self._reading), word=word, how=how)
+        known = find_known(thing.name, **self._reading)
         found = known or Meaning(word, None, None, "", is_exact=False)
         thing, told, nouns = move_thing(thing, uses), tell_apart(word), self._nouns
         how = explain_everyday(thing, word)

@@ -20,7 +20,7 @@ kernel of the hour. Constants are chosen on HOMER (docs/results/habits.md).
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -38,13 +38,14 @@ _OLD, _NEW = 20.0, 4.0  # days after which half of the weight of sightings is le
 _LASTS = 0.5  # this part, and of the rest
 _STEADY = 40.0  # hours for which a thing stays that make up for one sighting elsewhere
 _JUST = 1.0  # hours after which half of what was just seen may have been put back
-_ASTRAY = 0.3  # of the prior, for all places alike: no table knows this home
+_ASTRAY = 0.3  # of the prior of what was moved, for all places alike: no table knows this home
 ALIKE = 0.3  # of the sightings of another thing that is called alike
 _KIN = 1.0  # most that sightings of other things of the group weigh, in all
-_HALF_KIN = 3.0  # sightings of them that weigh half of that
-TOLD = 10.0  # of what people say: as two weeks of daily sightings
+_HALF_KIN = 4.0  # of them at a place, which weigh half of that
+TOLD = 20.0  # of what people say: as a month of daily sightings
 TOLD_KIN = 0.3  # of what people say of another thing of the group
 NEVER = 0.001  # of the prior, where people say that a thing never is
+SEEN_THERE = 0.05  # of the sightings of the thing itself there
 AGAIN = 0.3  # further sightings of the same things after which half as many others are expected
 OTHERS = 0.1  # of the number that the table expects, besides those that were seen here
 KEPT = 2.3  # expected number of a thing of which people say where they keep it: P of .9
@@ -78,10 +79,16 @@ def weigh_sightings(sightings: Iterable[Sighting], now: float) -> Places:
     return weights
 
 
-def weigh_kin(places: Counter[tuple[int, str | None]]) -> Places:
-    """Return the weights of places by the number of sightings of other things of the group."""
-    times = sum(places.values())
-    return {place: _KIN * n / (times + _HALF_KIN) for place, n in places.items()}
+def weigh_kin(kin: Iterable[Sequence[Sighting]]) -> Places:
+    """Return the weights of places by how many other things of the group are there.
+
+    One mug on the desk does not make it the place of forks; four toys on a shelf do.
+    """
+    things: dict[tuple[int, str | None], float] = defaultdict(float)
+    for sightings in kin:
+        for one in sightings:
+            things[one.room_index, one.on] += 1 / len(sightings)
+    return {place: _KIN * n**2 / (n**2 + _HALF_KIN**2) for place, n in things.items()}
 
 
 def join(*weights: tuple[Places, float]) -> Places:
@@ -93,12 +100,13 @@ def join(*weights: tuple[Places, float]) -> Places:
     return every
 
 
-def leave(weights: Places, left: Places) -> Places:
-    """Return what is left of the weights of places, or of the rooms of these."""
-    return {
-        (node, piece): weight * min(left.get((node, None), 1.0), left.get((node, piece), 1.0))
-        for (node, piece), weight in weights.items()
+def leave(weights: Places, left: Places, *, least: float = 0.0) -> Places:
+    """Return what is left of the weights of places, or of their rooms; no less than a share."""
+    share = {
+        (node, piece): min(left.get((node, None), 1.0), left.get((node, piece), 1.0))
+        for node, piece in weights
     }
+    return {place: weight * max(least, share[place]) for place, weight in weights.items()}
 
 
 def _share(weights: Floats) -> Floats:
@@ -110,7 +118,7 @@ class Usual:
 
     Attributes:
         none: `[N]` P(a node has none of them); of the building, P(it has none).
-        there: `[N]` expected number of those that are still where they were seen.
+        new: `[N]` P(a node has none but those that are still where they were seen).
         names: ids of those that were seen.
     """
 
@@ -129,10 +137,11 @@ class Usual:
             if piece is None:
                 kept[node] *= share
                 astray[node] *= share
-        self.prior = (1 - _ASTRAY) * _share(kept) + _ASTRAY * _share(astray)
-        self.none, self.there = np.ones(len(prior)), np.zeros(len(prior))
+        self._usual = _share(kept)
+        self._moved = (1 - _ASTRAY) * self._usual + _ASTRAY * _share(astray)
+        self.none, self.new = np.ones(len(prior)), np.ones(len(prior))
         self.names: set[str] = set()
-        self._loose = np.zeros(len(prior))
+        self._loose, self._unsaid = np.zeros(len(prior)), np.zeros(len(prior))
         self._pieces: dict[int, dict[str, float]] = defaultdict(dict)
 
     def add(
@@ -148,39 +157,52 @@ class Usual:
             name: its id.
         """
         self.names.add(name)
-        numbers = self._spread(moved, weights)
-        numbers[last.room_index] += there
-        self.there[last.room_index] += there
-        self._put(last.room_index, last.on, there)
-        numbers[0] = moved + there
+        numbers = np.sum(self._spread(moved, weights, self._moved), axis=0)
+        numbers[0] = numbers[1:].sum()
+        self.new *= 1 - numbers
+        numbers[[0, last.room_index]] += there
         self.none *= 1 - numbers
+        if last.on is None:
+            self._unsaid[last.room_index] += there
+        else:
+            self._put(last.room_index, last.on, there)
 
     def add_others(self, number: float, weights: Places) -> None:
-        """Add an expected number of things that nobody saw."""
-        numbers = self._spread(number, weights)
-        numbers[0] = number
-        self.none *= np.exp(-numbers)
+        """Add an expected number of things that nobody saw.
+
+        They are where the prior says, each on its own; or together, at one of the places that have
+        weights, as this home keeps them.
+        """
+        if not number:
+            return
+        apart, together = (part / number for part in self._spread(number, weights, self._usual))
+        share, kept = apart.sum(), together.sum()
+        alone = np.exp(-number * apart / (share or 1.0))
+        none = share * alone + kept - together * -math.expm1(-number) + (1 - share - kept)
+        none[0] *= math.exp(-number)
+        self._have(none)
 
     def add_counted(self, numbers: Floats) -> None:
         """Add expected numbers of unseen things, `[N]`, where a model counts them."""
         left = [self._left.get((node, None), 1.0) for node in range(len(numbers))]
         numbers = numbers * np.array([0.0, *left[1:]])
         self._loose += numbers
-        self.none *= np.exp(-np.array([numbers.sum(), *numbers[1:]]))
+        self._have(np.exp(-np.array([numbers.sum(), *numbers[1:]])))
 
-    def _spread(self, number: float, weights: Places) -> Floats:
-        """Put a number of things where the weights and the prior say; return it by node, `[N]`."""
-        numbers = np.zeros(len(self.prior))
+    def _have(self, none: Floats) -> None:
+        self.none *= none
+        self.new *= none
+
+    def _spread(self, number: float, weights: Places, prior: Floats) -> tuple[Floats, Floats]:
+        """Put a number of things where the prior and the weights say; return both, `[N]`."""
         weights = {place: weight * self._hide[place[0]] for place, weight in weights.items()}
-        total = PRIOR * self.prior.sum() + sum(weights.values())
-        if not total or not number:
-            return numbers
-        numbers += number * PRIOR * self.prior / total
-        self._loose += numbers
+        each = number / ((PRIOR * prior.sum() + sum(weights.values())) or 1.0)
+        apart, together = each * PRIOR * prior, np.zeros(len(prior))
+        self._loose += apart
         for (node, piece), weight in weights.items():
-            numbers[node] += number * weight / total
-            self._put(node, piece, number * weight / total)
-        return numbers
+            together[node] += each * weight
+            self._put(node, piece, each * weight)
+        return apart, together
 
     def _put(self, node: int, piece: str | None, number: float) -> None:
         if piece is None:
@@ -208,10 +230,16 @@ class Usual:
         more = tuple(o for o in objects if o.name in known and o not in before.pieces)
         left = [self._left.get((node, piece.name), 1.0) for piece in before.pieces]
         alike = before.rates.sum() / len(before.rates)
-        *each, rest = (1 - _ASTRAY) * before.rates + _ASTRAY * alike
+        astray = _ASTRAY if self.names else 0.0
+        *each, rest = (1 - astray) * before.rates + astray * alike
         rates = np.array([*(each * np.array(left)), *np.zeros(len(more)), rest])
         pieces, loose = (*before.pieces, *more), float(self._loose[node])
         at = np.array([*(known.pop(piece.name, 0.0) for piece in pieces), 0.0])
+        # What was seen, and nobody said on what, is on a piece that was seen.
+        if before.rates[:-1].any():
+            at[: len(before.pieces)] += self._unsaid[node] * _share(before.rates[:-1])
+        else:
+            at[-1] += self._unsaid[node]
         loose += sum(known.values())  # on what is no longer there
         if not (loose or at.any()) or not rates.sum():
             return Furniture(pieces, rates)

@@ -12,7 +12,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import show_time
-from bsg_models.belief.partial_graph import Custom, PartialGraph, Sighting
+from bsg_models.belief.partial_graph import Custom, PartialGraph, Remembered, Sighting
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import (
     AGAIN,
@@ -22,6 +22,7 @@ from bsg_robot.answers.habits import (
     NEVER,
     OTHERS,
     PRIOR,
+    SEEN_THERE,
     TOLD,
     TOLD_KIN,
     Places,
@@ -34,9 +35,10 @@ from bsg_robot.answers.habits import (
 from bsg_robot.answers.place import Habit
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import SeenPieces
-from bsg_robot.things.things import find_group, find_receptacle, keeps_together
+from bsg_robot.things.things import find_group, find_receptacle, keeps_together, uses_up
 
-_MOST_ALIKE = 100  # things of a kind of which each has habits of its own
+_REAL = 0.5  # P of other things that tell something
+_MOST_ALIKE = 20  # things of a kind of which each has habits of its own
 _MOST_PLACES = 20  # of an answer
 _ITSELF, _ITS_GROUP = 2, 1  # ranks of what people say of a thing
 
@@ -49,6 +51,7 @@ class Track:
         name: its id.
         word: for it.
         sightings: all that are remembered, and the last.
+        real: P(there is such a thing): its detector may have erred.
         there: P(it is where it was seen last), before looks.
         moved: P(it is elsewhere in this home).
     """
@@ -56,6 +59,7 @@ class Track:
     name: str
     word: str
     sightings: tuple[Sighting, ...]
+    real: float
     there: float
     moved: float
 
@@ -106,23 +110,42 @@ class Home:
                 continue
             last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
             sightings = self._place([*(known.sightings if known else ()), *last])
-            real, still = self._still[obj.name]
-            # A sighting that was wrong is of no object that may be elsewhere, unless it was seen
-            # before.
-            moved = EXISTS * ((1.0 if known else real) - still)
-            tracks.append(Track(obj.name, obj.raw_category, sightings, still, moved))
-        gone = (
-            Track(one.name, one.raw_category, self._place(one.sightings), 0.0, EXISTS)
-            for one in before.values()
-        )
-        return (*tracks, *gone)
+            seen, still = self._still[obj.name]
+            real = max(seen, _believe(known) if known else 0.0)
+            # A sighting that was wrong is of no object that may be elsewhere.
+            moved = EXISTS * (real - still)
+            track = Track(obj.name, obj.raw_category, sightings, real, still, moved)
+            tracks.append(track)
+        for one in before.values():
+            meaning = self._words.look_up(one.raw_category)
+            is_used_up = any(map(uses_up, self._words.groups(meaning)))
+            real = 0.0 if is_used_up else _believe(one)
+            word, sightings = one.raw_category, self._place(one.sightings)
+            tracks.append(Track(one.name, word, sightings, real, 0.0, EXISTS * real))
+        return tuple(tracks)
 
     def _place(self, sightings: Iterable[Sighting]) -> tuple[Sighting, ...]:
-        """Return sightings with the piece of furniture on which all that lies: a tray's table."""
+        """Return sightings with the piece of furniture on which all that lies: a tray's table.
+
+        Furniture that was moved takes its habits along; what is gone leaves them to its room.
+        """
         return tuple(
-            one._replace(on=self._pieces(one.room_index).on.get(one.on, one.on) if one.on else None)
+            one
+            if one.on is None
+            else one._replace(on=None)
+            if one.on not in self._rooms
+            else Sighting(
+                one.time,
+                node := self._rooms[one.on],
+                self._pieces(node).on.get(one.on, one.on),
+            )
             for one in sightings
         )
+
+    @cached_property
+    def _rooms(self) -> Mapping[str, int]:
+        """Id of an object → its room."""
+        return {obj.name: obj.room_index for obj in self._said.objects}
 
     def tracks_of(self, meaning: Meaning) -> list[Track]:
         """Return the tracks of things of a meaning, the latest first."""
@@ -154,31 +177,43 @@ class Home:
         pieces = [1 + len(self._pieces(node).pieces) for node in range(1, len(prior))]
         usual = Usual(prior, told.left, unseen, np.array([0, *pieces]))
         now = self._said.now or 0.0
-        each = {one.name: weigh_sightings(one.sightings, now) for one in own}
-        every = join(*((places, 1.0) for places in each.values()))
+        each = {
+            one.name: leave(weigh_sightings(one.sightings, now), told.left, least=SEEN_THERE)
+            for one in own
+        }
+        # What may be an error tells little of others.
+        every = join(*((each[one.name], one.real**2) for one in own))
         others = leave(join((kin, 1.0), (told.weights, 1.0)), told.left)
-        moved = [one for one in own if one.there < 1]  # the rest is counted as seen
+        # What is sure, and what is in no room, is counted as seen.
+        moved = [one for one in own if one.there < 1 and one.sightings[-1].room_index]
         for one in moved[:_MOST_ALIKE]:
             weights = join((every, ALIKE), (each[one.name], 1 - ALIKE), (others, 1.0))
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         more = sum(one.moved for one in moved[_MOST_ALIKE:])
         usual.add_others(more, join((every, ALIKE), (others, 1.0)))
+        real = 1 - float(np.prod([1 - one.real for one in own]))
         unknown = prior * self._expect_others(own, len(prior))
         if meaning.is_class and not told.weights:  # models count the others where they saw none
             usual.add_counted(unknown)
         else:
-            part = OTHERS if (own or told.is_own) and not meaning.is_class else 1.0
+            real = 0.0 if meaning.is_class else max(real, float(told.is_own))
+            part = 1 - (1 - OTHERS) * real
             usual.add_others(part * float(unknown[1:].sum()), join((every, 1.0), (others, 1.0)))
-        if told.is_own and not own:
+        if told.is_own and not own and not self._knows(meaning):
             usual.add_others(KEPT, others)
         return usual
+
+    def _knows(self, meaning: Meaning) -> bool:
+        """Return whether such a thing is known, whenever it was seen."""
+        names = self._words.names(meaning)
+        return any(map(names, {obj.raw_category for obj in self._said.objects}))
 
     def _expect_others(self, own: Sequence[Track], nodes: int) -> Floats:
         """Return the share of unseen others that is left at each node, `[N]`.
 
         Who sees the same chairs again and again has seen all, in the rooms where he was.
         """
-        again = sum(len(one.sightings) for one in own) - len(own)
+        again = sum(one.real * (len(one.sightings) - 1) for one in own)
         left = np.ones(nodes)
         for node, room in enumerate(self._said.rooms, 1):
             left[node] = AGAIN / (AGAIN + again) if room.visited else 1.0
@@ -191,7 +226,7 @@ class Home:
         seen = [sight for one in own for sight in one.sightings]
         others = join((self._weigh_kin(meaning, own), 1.0), (told.weights, 1.0))
         weights = join(
-            (weigh_sightings(seen, now), 1.0),
+            (leave(weigh_sightings(seen, now), told.left, least=SEEN_THERE), 1.0),
             (leave(others, told.left), 1.0),
             ({(0, None): PRIOR}, 1.0),
         )
@@ -219,8 +254,7 @@ class Home:
         groups = self._kept_with(meaning)
         names = {one.name for one in own}
         kin = self._select(lambda word: bool(groups & self._kept_with(self._words.look_up(word))))
-        seen = (sight for one in kin if one.name not in names for sight in one.sightings)
-        return weigh_kin(Counter((one.room_index, one.on) for one in seen))
+        return weigh_kin(o.sightings for o in kin if o.name not in names and o.real >= _REAL)
 
     def _kept_with(self, meaning: Meaning | None) -> frozenset[str]:
         return frozenset(filter(keeps_together, self._words.groups(meaning)))
@@ -245,15 +279,19 @@ class Home:
             return _ITS_GROUP if named in self._words.groups(meaning) else 0.0
         known = self._words.look_up(custom.thing)
         if known is not None and self._words.names(known)(meaning.word):
-            return _ITSELF
+            others = known.owner and meaning.owner and known.owner != meaning.owner
+            return 0.0 if others else _ITSELF
         is_kin = bool(self._kept_with(known) & self._kept_with(meaning))
         return TOLD_KIN if is_kin and not custom.never else 0.0
 
     def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:
         """Return the places that a custom names: pieces of a word, in its room or in any."""
-        if custom.at is None or (custom.room_index and not self.find_pieces(custom, custom.at)):
+        if custom.at is None:
             return [(node, None) for node in self._nodes_of(custom)]
-        return self.find_pieces(custom, custom.at)
+        found = self.find_pieces(custom, custom.at)
+        if found or custom.never or custom.room_index is None:
+            return found
+        return [(custom.room_index, None)]
 
     def _nodes_of(self, custom: Custom) -> Sequence[int]:
         return self._nodes if custom.room_index is None else [custom.room_index]
@@ -276,3 +314,7 @@ class Home:
                 for name in (("id", piece.name), normalise_name(piece.raw_category), kind):
                     called[name].append((node, piece.name))
         return called
+
+
+def _believe(known: Remembered) -> float:
+    return 1.0 if known.score is None else known.score

@@ -224,7 +224,7 @@ class SeenBuilding(ToldBuilding):
         known_costs = {} if here is None else self._known_costs(here, costs)
         anywhere = max(float(belief.probability[0]), _LEAST)
         likely, unseen, expected = (
-            column.tolist() for column in (belief.probability, belief.new, belief.expected)
+            column.tolist() for column in (belief.probability, belief.never_seen, belief.expected)
         )
         places = [
             Place(

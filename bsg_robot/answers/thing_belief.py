@@ -34,15 +34,15 @@ class ThingBelief:
         hidden: hidden counts at each node, `[K, N, 1]`; those of the building are not used.
         none: P(the building hides none).
         searched: `[N]` nodes where a look finds nothing more.
-        old: `[N]` expected number of those that were seen some time ago, and are still there: they
-            are among the hidden.
+        new: `[N]` share of the hidden that were never seen there: the others were seen some time
+            ago, and may have moved.
     """
 
     seen: tuple[tuple[SeenObject, ...], ...]
     hidden: CountDistribution
     none: float
     searched: Bools
-    old: Floats
+    new: Floats
 
     @cached_property
     def _score(self) -> Floats:
@@ -75,14 +75,14 @@ class ThingBelief:
         return max(_LEAST_TILT, float(untilt(rooms[:, None], whole)[0]))
 
     @property
-    def new(self) -> Floats:
+    def never_seen(self) -> Floats:
         """P(at least one that was never seen there), `[N]`."""
-        return np.asarray((self.unseen - self.old).clip(min=0.0))
+        return np.asarray(self.unseen * self.new)
 
     @cached_property
     def expected(self) -> Floats:
         """Expected number of those that were never seen, `[N]`."""
-        return np.asarray((self.hidden.mean[:, 0] - self.old).clip(min=0.0))
+        return np.asarray(self.hidden.mean[:, 0] * self.new)
 
     @property
     def is_sure(self) -> Bools:
@@ -122,7 +122,7 @@ class ThingBelief:
         if not chances.any():
             return self
         after, none = _look(self.hidden, chances[:, None], whole=np.array([1 - self.none]))
-        return ThingBelief(self.seen, after, float(none[0]), self.searched, self.old)
+        return ThingBelief(self.seen, after, float(none[0]), self.searched, self.new)
 
 
 def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution:
@@ -273,8 +273,9 @@ def believe_usual(
     before = 1 - counts.presence[:, 0]
     alone = before[1:].prod()
     # What is known of the building beside its rooms stays.
-    whole = float(usual.none[0] * min(1.0, max(none, _LEAST) / max(alone, _LEAST)))
-    if is_class:
+    whole = float(usual.none[0] * max(none, _LEAST) / max(alone, _LEAST))
+    whole = min(whole, float(usual.none[1:].min(initial=1.0)))
+    if is_class and not ((before == 1) & (usual.none < 1)).any():
         odds = log_odds(usual.none) - log_odds(before)
         odds[0] = log_odds(np.array(whole)) - log_odds(before[:1])[0]
         factor = np.where(counts.presence > 0, odds[:, None], 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from datetime import datetime
@@ -256,7 +256,7 @@ class ToldBuilding:
         """
         near = reports.find_near(graph, seen, within=within, besides=besides)
         if near is not None:
-            before = self._still_there(graph, near)
+            before = self._still_there(graph, [near])[near.name]
             score = None if seen.score is None else max(seen.score, before)
             score = None if score == 1 and near.score is None else score
             return replace(seen, name=near.name, score=score, on=seen.on or near.on)
@@ -266,12 +266,16 @@ class ToldBuilding:
         moved = reports.find_moved(graph, seen, at=still_there, besides=besides)
         return seen if moved is None else replace(seen, name=moved)
 
-    def _still_there(self, graph: PartialGraph, obj: SeenObject) -> float:
-        """Return P(a known object is where it was seen)."""
-        objects = tuple(one for one in graph.objects if one.room_index == obj.room_index)
-        looks = tuple(one for one in graph.looks if one.room_index == obj.room_index)
+    def _still_there(
+        self, graph: PartialGraph, known: Collection[SeenObject]
+    ) -> Mapping[str, float]:
+        """Return id → P(a known object is where it was seen)."""
+        rooms = {obj.room_index for obj in known}
+        objects = tuple(obj for obj in graph.objects if obj.room_index in rooms)
+        looks = tuple(look for look in graph.looks if look.room_index in rooms)
         _, left = weigh_looks(replace(graph, objects=objects, looks=looks), self._words)
-        return next((one.probability for one in left.objects if one.name == obj.name), 0.0)
+        still = {obj.name: obj.probability for obj in left.objects}
+        return {obj.name: still.get(obj.name, 0.0) for obj in known}
 
     def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
         """Return a graph without the looks for a thing that is there, after all."""
@@ -289,7 +293,7 @@ class ToldBuilding:
 
     def _name_object(self) -> str:
         """Return an id that no object has, and none had that is gone."""
-        taken = {obj.name for obj in self.graph.objects}
+        taken = {obj.name for obj in self.graph.objects}.union(o.name for o in self.graph.memory)
         numbers = count(max(self._named, len(taken)) + 1)
         self._named = next(number for number in numbers if f"saw {number}" not in taken)
         return f"saw {self._named}"
@@ -629,10 +633,10 @@ class ToldBuilding:
     def keeps(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:
         """Say where people of this home keep a thing, or a group of things such as drinks.
 
-        It counts as much as two weeks of daily sightings: the robot goes there first, and what it
+        It counts as much as a month of daily sightings: the robot goes there first, and what it
         sees elsewhere again and again counts in the end. What is said of the thing itself counts
-        before what is said of its group. Two places of one thing share it; `forget` takes back what
-        was said.
+        before what is said of its group. Two places of one thing share it; what is said last of a
+        thing and a place counts, and `forget` takes all back.
 
         Args:
             thing: any word, or a group of `bsg_robot/tables/groups-v1.csv`.
@@ -663,7 +667,8 @@ class ToldBuilding:
         if at is not None:
             require_word(at := spell_id(at))
         new = Custom(thing, index, at, never)
-        others = [one for one in self.graph.customs if one != new]
+        # What is said last of a thing and a place counts.
+        others = [one for one in self.graph.customs if _place_of(one) != _place_of(new)]
         if len(others) >= MAX_ROBOT_CUSTOMS:
             raise RecipeError(
                 f"{self.graph.scene_id}: expected at most {MAX_ROBOT_CUSTOMS:,} customs; `forget` "
@@ -718,3 +723,8 @@ class ToldBuilding:
                 where=EXPLORE,
             )
         self._said = graph
+
+
+def _place_of(custom: Custom) -> tuple[object, ...]:
+    at = None if custom.at is None else normalise_name(custom.at)
+    return normalise_name(custom.thing), custom.room_index, at

@@ -60,6 +60,7 @@ from bsg_robot.things.things import Thing, find_thing, list_narrower
 _SURELY = 1 - 1e-9
 _STAYED = 0.99  # P(a thing is where it was just seen) that nobody doubts
 _SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
+_TINY = 1e-12  # a smaller number is not divided by
 _LEAST = 0.05  # hidden share of a room that was searched some time ago, as models read it
 _MOST_SOUGHT = 32  # things of which the belief is remembered
 # Buildings of HM3D's train split (145) by their number of rooms, from 0 on.
@@ -232,10 +233,11 @@ class WeighedGraph:
             is_old = usual is not None and obj.name in usual.names
             seen[obj.room_index].append(replace(obj, score=0.0) if is_old else obj)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
-        old = np.zeros(self.nodes)
+        new = np.ones(self.nodes)
         if usual is not None:
-            searched, old = searched & (usual.none == 1), usual.there
-        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched, old)
+            searched &= usual.none == 1
+            new = (1 - usual.new) / (1 - usual.none).clip(min=_TINY)
+        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched, new)
         return held.after(1 - self._overlook(meaning))
 
     def _hidden_now(self, meaning: Meaning) -> Floats:
@@ -280,8 +282,10 @@ class WeighedGraph:
             hidden = self._hidden_now(meaning)
         else:
             hidden = hide(Things.of([thing], self.kinds.table), self.whole)[0]
-        is_dated = [room.time is not None for room in self.whole.rooms]
-        return np.array([1.0, *np.where(is_dated, hidden, 1.0)])
+        if self.said.now is not None:
+            is_dated = [room.time is not None for room in self.whole.rooms]
+            hidden = np.where(is_dated, hidden, 1.0)
+        return np.array([1.0, *hidden])
 
     def _list_found(self, meaning: Meaning) -> list[SeenObject]:
         """Return the objects that are such things."""
@@ -481,12 +485,15 @@ def _age(graph: PartialGraph) -> PartialGraph:
     if now is None or not any(room.time is not None and room.time < now for room in graph.rooms):
         return graph
     then = np.array([room.hidden_share for room in graph.rooms])
-    slow = (1 - (1 - then) * graph.still_so(np.array(_SLOW))).round(3).tolist()
+    still = replace(graph, stays=None).still_so(np.array(_SLOW))
+    slow = (1 - (1 - then) * still).clip(min=_LEAST).tolist()
     rooms = tuple(
         replace(room, time=None)
         if room.time is None or room.time >= now
-        else replace(room, hidden_share=max(share, _LEAST), time=None)
-        for room, share in zip(graph.rooms, slow, strict=True)
+        else replace(
+            room, hidden_share=share, hidden_share_sd=room.hidden_share_sd * kept, time=None
+        )
+        for room, share, kept in zip(graph.rooms, slow, still.tolist(), strict=True)
     )
     return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 

@@ -93,12 +93,15 @@ def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
 def open_belief(said: Any) -> dict[str, Any]:
     """Return a document, or that of what was seen in a belief graph."""
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+        beside = [key for key in ("now", "memory", "customs", "rooms", "objects") if key in said]
         said = said.get("partial")
         if said is None:
             raise RecipeError(
                 "a belief graph without `partial`, the graph that the robot has seen; expected it "
                 "there (docs/belief.md)"
             )
+        if beside:
+            raise RecipeError(f"{beside[0]!r} beside `partial`; expected it there (docs/belief.md)")
     if not isinstance(said, dict):
         raise RecipeError(f"expected a JSON object such as {FORM}, found {show_value(said)}")
     return said

@@ -10,12 +10,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
-from bsg_models.belief.clock import DAY, HOUR, read_time, show_time
+from bsg_models.belief.clock import DAY, HOUR, is_dated, read_time, show_time
 from bsg_models.belief.partial_graph import PartialGraph, Remembered, SeenObject, Sighting
 
 MOST_SIGHTINGS = 60  # of each thing: with two tours a day, of a month
 MOST_IN_ALL = 50_000  # about 5 MB of JSON
-LONGEST_STEP = 10 * 366 * DAY  # seconds by which a report may move the clock
+LONGEST_STEP = 366 * DAY  # seconds by which a report may move the clock
 MOST_THINGS = 10_000
 
 
@@ -23,34 +23,60 @@ def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
     """Return the graph at a time, if it is later than its clock.
 
     Raises:
-        RecipeError: for a time that is years later: a clock that is wrong would make all old.
+        RecipeError: for a time that is a year later: a clock that is wrong would make all old.
     """
-    if graph.now is not None and time > graph.now + LONGEST_STEP:
+    last = graph.now
+    if last is not None and is_dated(last) and time > last + LONGEST_STEP:
         raise RecipeError(
-            f"{graph.scene_id}: time: {show_time(time)} is more than ten years after the last "
-            f"report, of {show_time(graph.now)}; is the robot's clock right?",
+            f"{graph.scene_id}: time: {show_time(time)} is more than a year after the last report, "
+            f"of {show_time(graph.now)}; if the robot's clock is right, say `passes` first",
             code="time-far",
             where=graph.scene_id,
         )
+    graph = date_all(graph, time) if graph.now is None else _begin_dates(graph, time)
     return replace(graph, now=time if graph.now is None else max(time, graph.now))
+
+
+def _begin_dates(graph: PartialGraph, time: float) -> PartialGraph:
+    """Return a graph whose clock counted from 0 with dates, if a time is one."""
+    if graph.now is None or is_dated(graph.now) or not is_dated(time):
+        return graph
+    by = time - graph.now
+
+    def shift(one: float | None) -> float | None:
+        return None if one is None else read_time(one + by)
+
+    return replace(
+        graph,
+        now=time,
+        objects=tuple(replace(obj, time=shift(obj.time)) for obj in graph.objects),
+        rooms=tuple(replace(room, time=shift(room.time)) for room in graph.rooms),
+        looks=tuple(replace(look, time=shift(look.time)) for look in graph.looks),
+        memory=tuple(
+            replace(
+                one,
+                sightings=tuple(o._replace(time=read_time(o.time + by)) for o in one.sightings),
+            )
+            for one in graph.memory
+        ),
+    )
 
 
 def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
     """Return the graph at a later time; all that a graph without a clock holds was seen then.
 
     Raises:
-        RecipeError: for a time before the last report, or years after it.
+        RecipeError: for a time before the last report.
     """
-    if graph.now is None:
-        graph = date_all(graph, now)
-    elif now < graph.now:
+    graph = date_all(graph, now) if graph.now is None else _begin_dates(graph, now)
+    if graph.now is not None and now < graph.now:
         raise RecipeError(
             f"{graph.scene_id}: now: expected a time after {show_time(graph.now)}, that of the "
             f"last report, found {show_time(now)}",
             code="time-back",
             where=graph.scene_id,
         )
-    return tell_time(graph, now)
+    return replace(graph, now=now)
 
 
 def _find_latest(graph: PartialGraph) -> float | None:
@@ -120,8 +146,10 @@ def remember(
             continue
         seen = Sighting(obj.time, obj.room_index, obj.on)
         before = kept.get(obj.name)
-        sightings = () if before is None else before.sightings
-        kept[obj.name] = Remembered(obj.name, obj.raw_category, _add(sightings, seen))
+        sightings, score = ((), 0.0) if before is None else (before.sightings, before.score)
+        surest = None if None in (score, obj.score) else max(score or 0.0, obj.score or 0.0)
+        known = Remembered(obj.name, obj.raw_category, _add(sightings, seen), surest)
+        kept[obj.name] = known
     return _bound(kept)
 
 

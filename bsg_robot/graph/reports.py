@@ -64,6 +64,7 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     object does not say how much more the robot looked at; but a room that shows something does not
     hide all.
     """
+    graph = _give_id(graph, seen)
     known = next((obj for obj in graph.objects if obj.name == seen.name), None)
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
     before = next((one for one in graph.memory if one.name == seen.name), None)
@@ -79,6 +80,25 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
         for obj in others
     )
     return follow_rooms(graph, replace(graph, objects=(*others, seen), memory=memory))
+
+
+def _give_id(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+    """Return the graph without what it remembers under an id that another thing has now."""
+    classes = [normalise_name(name) for name in graph.class_space.classes]
+    known = next((obj for obj in graph.objects if obj.name == seen.name), None)
+    before = next((one for one in graph.memory if one.name == seen.name), None)
+    if known is not None:
+        is_other = not _is_alike(known, seen, classes=classes)
+    else:
+        words = {normalise_name(one.raw_category) for one in (before, seen) if one is not None}
+        is_other = len(words) > 1
+    if not is_other:
+        return graph
+    return replace(
+        graph,
+        objects=tuple(obj for obj in graph.objects if obj is not known),
+        memory=tuple(one for one in graph.memory if one is not before),
+    )
 
 
 def is_before(time: float | None, other: float | None) -> bool:
@@ -292,7 +312,7 @@ def find_moved(
     graph: PartialGraph,
     seen: SeenObject,
     *,
-    at: Callable[[SeenObject], float],
+    at: Callable[[Collection[SeenObject]], Mapping[str, float]],
     besides: Collection[str] = (),
 ) -> str | None:
     """Return the id of the thing that a sighting elsewhere is: one of the class that has moved.
@@ -303,16 +323,16 @@ def find_moved(
     Args:
         graph: the partial graph before.
         seen: the sighting.
-        at: object → P(it is where it was).
+        at: objects → id → P(it is where it was).
         besides: ids of objects that it is not.
     """
     if gone := _find_gone(graph, seen, besides):
         return gone.name
     classes = [normalise_name(name) for name in graph.class_space.classes]
     others = (obj for obj in graph.objects if obj.name not in besides)
-    alike = (obj for obj in others if _is_alike(obj, seen, classes=classes))
-    moved = min(alike, key=at, default=None)
-    return moved.name if moved is not None and at(moved) < EVIDENCE_SCORE else None
+    still = at([obj for obj in others if _is_alike(obj, seen, classes=classes)])
+    moved = min(still, key=lambda name: still[name], default=None)
+    return moved if moved is not None and still[moved] < EVIDENCE_SCORE else None
 
 
 def take_over(graph: PartialGraph, seen: SeenObject) -> PartialGraph:

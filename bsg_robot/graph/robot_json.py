@@ -208,6 +208,7 @@ class _Look(SaidRecord):
 class _Remembered(SaidRecord):
     id: Id
     category: Text
+    score: Score | None = None
     # Each with the time, the room (null: none) and the piece of furniture (null: unknown).
     sightings: Annotated[
         Listed[tuple[Time, Id | None, Id | None]], Field(min_length=1, max_length=MOST_SIGHTINGS)
@@ -455,7 +456,8 @@ def _read_memory(said: _Remembered, index: Mapping[str, int]) -> Remembered:
         Sighting(time, 0 if room is None else _find(room, index, where), on)
         for time, room, on in said.sightings
     )
-    return Remembered(said.id, said.category, tuple(sorted(sightings, key=lambda one: one.time)))
+    inorder = tuple(sorted(sightings, key=lambda one: one.time))
+    return Remembered(said.id, said.category, inorder, said.score)
 
 
 def _read_custom(said: _Custom, index: Mapping[str, int]) -> Custom:
@@ -619,6 +621,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
             {
                 "id": one.name,
                 "category": one.raw_category,
+                **({} if one.score is None else {"score": one.score}),
                 "sightings": [
                     [show_time(seen.time), rooms[seen.room_index], seen.on]
                     for seen in one.sightings

@@ -6,7 +6,8 @@ Six tables of `bsg_robot/tables/` say it, written by hand but for the shares of 
     things-v1.csv             a thing, its names, its class, the rooms where people look for it,
                               P(a home has one), how often one that is there is in sight, after
                               how many hours half of them are elsewhere, and its groups
-    groups-v1.csv             a group of things, its names, and whether they are kept together
+    groups-v1.csv             a group of things, its names, whether they are kept together, and
+                              whether what is gone is used up
     narrow-rooms-v1.csv       a kind of room that holds only what things-v1 names there
     receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
                               it is opened, and whether it holds what keeping-v1 names alone
@@ -166,15 +167,21 @@ def keeps_together(group: str) -> bool:
     return group in _read_groups()[1]
 
 
+def uses_up(group: str) -> bool:
+    """Return whether a thing of a group that is gone is used up, as food is."""
+    return group in _read_groups()[2]
+
+
 @cache
-def _read_groups() -> tuple[Mapping[str, str], frozenset[str]]:
-    rows = read_table(_GROUPS, ("group", "spellings", "together"))
+def _read_groups() -> tuple[Mapping[str, str], frozenset[str], frozenset[str]]:
+    rows = read_table(_GROUPS, ("group", "spellings", "together", "used up"))
     names = {
         separate(name): group
-        for group, spellings, _ in rows
+        for group, spellings, _, _ in rows
         for name in (group, *filter(None, spellings.split(_SEPARATOR)))
     }
-    return names, frozenset(group for group, _, together in rows if together == "yes")
+    together = frozenset(group for group, _, one, _ in rows if one == "yes")
+    return names, together, frozenset(group for group, _, _, one in rows if one == "yes")
 
 
 def is_narrow(label: str) -> bool:

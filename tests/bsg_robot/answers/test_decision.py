@@ -50,7 +50,7 @@ class Case:
         some = min(self.surer * (1 - none), -np.expm1(-self.rates[1:, thing]).sum(), 1 - 1e-9)
         hidden = poisson(self.rates[:, [thing]])
         nodes = np.arange(len(self.rates))
-        return ThingBelief(seen, hidden, 1 - float(some), nodes == 0, np.zeros(len(nodes)))
+        return ThingBelief(seen, hidden, 1 - float(some), nodes == 0, np.ones(len(nodes)))
 
     @property
     def decision(self) -> Decision:
