@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Record, name_fault
-from bsg_models.belief.clock import HOUR, Time, show_time
+from bsg_models.belief.clock import HOUR, Time, read_now, show_time
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
     Hours,
@@ -162,7 +162,7 @@ class Passes(_Request):
     """So many hours have passed, or it is such a time."""
 
     hours: Annotated[Hours, BeforeValidator(_read_word)] | None = None
-    until: Time | None = None
+    until: Annotated[Time, BeforeValidator(read_now)] | None = None
 
 
 class Keeps(_Request):
@@ -234,7 +234,7 @@ class Robot:
         if last is None:
             self.seen.passes(until=clock)
             return ""
-        for ahead in (0.0, self._ahead):
+        for ahead in (self._ahead, 0.0):
             if 0 <= clock + ahead - last <= LONGEST_STEP:
                 self._ahead = ahead
                 self.seen.passes(until=clock + ahead)
