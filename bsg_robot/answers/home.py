@@ -119,9 +119,10 @@ class Home:
         for one in before.values():
             meaning = self._words.look_up(one.raw_category)
             is_used_up = any(map(uses_up, self._words.groups(meaning)))
-            real = 0.0 if is_used_up else _believe(one)
+            real = _believe(one)
+            left = 0.0 if is_used_up else EXISTS * real
             word, sightings = one.raw_category, self._place(one.sightings)
-            tracks.append(Track(one.name, word, sightings, real, 0.0, EXISTS * real))
+            tracks.append(Track(one.name, word, sightings, real, 0.0, left))
         return tuple(tracks)
 
     def _place(self, sightings: Iterable[Sighting]) -> tuple[Sighting, ...]:
@@ -191,6 +192,7 @@ class Home:
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         more = sum(one.moved for one in moved[_MOST_ALIKE:])
         usual.add_others(more, join((every, ALIKE), (others, 1.0)))
+        own = [one for one in own if one.there or one.moved]  # but what was used up
         real = 1 - float(np.prod([1 - one.real for one in own]))
         unknown = prior * self._expect_others(own, len(prior))
         if meaning.is_class and not told.weights:  # models count the others where they saw none

@@ -298,6 +298,9 @@ def test_people_say_where_drinks_are_and_sightings_overrule_them(seen: SeenBuild
         tell(seen, "cola", "kitchen", "counter", object_id="c", time=at(day, 12))
     seen.passes(48)
     assert first(seen, "cola") == ("kitchen", "kitchen counter")
+    seen.gone("c")
+    seen.passes(48)
+    assert first(seen, "cola")[0] == "kitchen", "it is drunk, and new ones are put there"
 
 
 def test_what_is_never_in_a_room_is_elsewhere(seen: SeenBuilding) -> None:
