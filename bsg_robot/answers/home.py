@@ -12,7 +12,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import show_time
-from bsg_models.belief.partial_graph import Custom, PartialGraph, Remembered, Sighting
+from bsg_models.belief.partial_graph import Custom, PartialGraph, Remembered, SeenObject, Sighting
 from bsg_robot.answers.dictionary import Dictionary
 from bsg_robot.answers.habits import (
     AGAIN,
@@ -103,45 +103,42 @@ class Home:
     def tracks(self) -> tuple[Track, ...]:
         """The things of which it is known when they were seen."""
         before = {one.name: one for one in self._said.memory}
-        tracks = []
-        for obj in self._said.objects:
-            known = before.pop(obj.name, None)
-            if obj.time is None and known is None:
-                continue
-            last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
-            sightings = self._place([*(known.sightings if known else ()), *last])
-            seen, still = self._still[obj.name]
-            real = max(seen, _believe(known) if known else 0.0)
-            # A sighting that was wrong is of no object that may be elsewhere.
-            moved = EXISTS * (real - still)
-            track = Track(obj.name, obj.raw_category, sightings, real, still, moved)
-            tracks.append(track)
-        for one in before.values():
-            meaning = self._words.look_up(one.raw_category)
-            is_used_up = any(map(uses_up, self._words.groups(meaning)))
-            real = _believe(one)
-            left = 0.0 if is_used_up else EXISTS * real
-            word, sightings = one.raw_category, self._place(one.sightings)
-            tracks.append(Track(one.name, word, sightings, real, 0.0, left))
-        return tuple(tracks)
+        known = [self._follow(obj, before.pop(obj.name, None)) for obj in self._said.objects]
+        gone = [self._seek(one) for one in before.values()]
+        return tuple(one for one in (*known, *gone) if one is not None)
+
+    def _follow(self, obj: SeenObject, before: Remembered | None) -> Track | None:
+        """Return the track of an object; None if nobody says when it was seen."""
+        if obj.time is None and before is None:
+            return None
+        last = [] if obj.time is None else [Sighting(obj.time, obj.room_index, obj.on)]
+        sightings = self._place([*(before.sightings if before else ()), *last])
+        seen, there = self._still[obj.name]
+        # A sighting that was wrong is of no object that may be elsewhere.
+        real = max(seen, _believe(before) if before else 0.0)
+        moved = EXISTS * (real - there)
+        return Track(obj.name, obj.raw_category, sightings, real, there, moved)
+
+    def _seek(self, gone: Remembered) -> Track:
+        """Return the track of a thing of which nobody knows where it is; food is used up."""
+        groups = self._words.groups(self._words.look_up(gone.raw_category))
+        real = _believe(gone)
+        moved = 0.0 if any(map(uses_up, groups)) else EXISTS * real
+        sightings = self._place(gone.sightings)
+        return Track(gone.name, gone.raw_category, sightings, real, 0.0, moved)
 
     def _place(self, sightings: Iterable[Sighting]) -> tuple[Sighting, ...]:
-        """Return sightings with the piece of furniture on which all that lies: a tray's table.
+        """Return sightings with the piece of furniture on which all that lies: a tray's table."""
+        return tuple(map(self._follow_piece, sightings))
 
-        Furniture that was moved takes its habits along; what is gone leaves them to its room.
-        """
-        return tuple(
-            one
-            if one.on is None
-            else one._replace(on=None)
-            if one.on not in self._rooms
-            else Sighting(
-                one.time,
-                node := self._rooms[one.on],
-                self._pieces(node).on.get(one.on, one.on),
-            )
-            for one in sightings
-        )
+    def _follow_piece(self, seen: Sighting) -> Sighting:
+        """Furniture that was moved takes its habits along; what is gone leaves them to its room."""
+        if seen.on is None:
+            return seen
+        node = self._rooms.get(seen.on)
+        if node is None:
+            return seen._replace(on=None)
+        return Sighting(seen.time, node, self._pieces(node).on.get(seen.on, seen.on))
 
     @cached_property
     def _rooms(self) -> Mapping[str, int]:
@@ -192,18 +189,21 @@ class Home:
             usual.add(one.moved, weights, name=one.name, last=one.sightings[-1], there=one.there)
         more = sum(one.moved for one in moved[_MOST_ALIKE:])
         usual.add_others(more, join((every, ALIKE), (others, 1.0)))
-        own = [one for one in own if one.there or one.moved]  # but what was used up
-        real = 1 - float(np.prod([1 - one.real for one in own]))
-        unknown = prior * self._expect_others(own, len(prior))
+        left = [one for one in own if one.there or one.moved]  # all but what was used up
+        unknown = prior * self._expect_others(left, len(prior))
         if meaning.is_class and not told.weights:  # models count the others where they saw none
             usual.add_counted(unknown)
-        else:
-            real = 0.0 if meaning.is_class else max(real, float(told.is_own))
-            part = 1 - (1 - OTHERS) * real
-            usual.add_others(part * float(unknown[1:].sum()), join((every, 1.0), (others, 1.0)))
-        if told.is_own and not own and not self._knows(meaning):
+            return usual
+        part = 1.0 if meaning.is_class else self._expect_second(left, told)
+        usual.add_others(part * float(unknown[1:].sum()), join((every, 1.0), (others, 1.0)))
+        if told.is_own and not left and not self._knows(meaning):
             usual.add_others(KEPT, others)
         return usual
+
+    def _expect_second(self, own: Sequence[Track], told: _Told) -> float:
+        """Return the share of a home's number of a thing that is left, if it has one already."""
+        real = 1 - float(np.prod([1 - one.real for one in own]))
+        return 1 - (1 - OTHERS) * max(real, float(told.is_own))
 
     def _knows(self, meaning: Meaning) -> bool:
         """Return whether such a thing is known, whenever it was seen."""
