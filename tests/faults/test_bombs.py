@@ -95,6 +95,11 @@ PILES: dict[str, dict[str, object]] = {
         "memory": [one | {"category": "mug"} for one in remember(800, 60)],
         "customs": [{"thing": "mug", "at": f"t{n}"} for n in range(1000)],
     },
+    "words that nobody knows, with times": {
+        "now": 9,
+        "objects": [{"room": "k", "category": f"q{n}w z{n}e", "time": 1} for n in range(10_000)],
+        "customs": [{"thing": f"x{n}w v{n}e", "room": "k"} for n in range(1000)],
+    },
     "long names": {
         "objects": [{"room": "k", "category": f"q{n}w {'abc def ' * 11}"} for n in range(10_000)]
     },
