@@ -23,6 +23,7 @@ from bsg_data.files import AnyPath, write_bytes
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.clock import show_time
 from bsg_models.belief.partial_graph import KnownRoom
+from bsg_models.rendering.habits import Taught
 from bsg_models.rendering.pages import render_page
 from bsg_models.rendering.plan import (
     KnownOutline,
@@ -31,7 +32,6 @@ from bsg_models.rendering.plan import (
     outline_room,
     place_beside,
 )
-from bsg_models.rendering.taught import Taught
 
 MOST_ROOMS = 200  # of a building
 MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes

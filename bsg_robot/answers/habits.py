@@ -2,7 +2,7 @@
 
 A thing has not moved since it was seen last with
 
-    f = 2^(−age / stays) · w / (w + n),    w = stays / 40 h
+    f = 2^(−age / stays) · max(w / (w + n), 2^(−age / 1 h)),    w = stays / 40 h
 
 (`stays`: hours after which half of such things are elsewhere; n: how often it was seen elsewhere. A
 cup that was seen at five other places is soon at one of them; a sofa stays). If it has moved, it is
@@ -42,7 +42,7 @@ _ASTRAY = 0.3  # of the prior of what was moved, for all places alike: no table 
 ALIKE = 0.3  # of the sightings of another thing that is called alike
 _KIN = 1.0  # most that sightings of other things of the group weigh, in all
 _HALF_KIN = 4.0  # of them at a place, which weigh half of that
-TOLD = 20.0  # of what people say: as a month of daily sightings
+TOLD = 20.0  # of what people say: as two weeks of daily sightings at this hour
 TOLD_KIN = 0.3  # of what people say of another thing of the group
 NEVER = 0.001  # of the prior, where people say that a thing never is
 SEEN_THERE = 0.05  # of the sightings of the thing itself there
@@ -145,7 +145,7 @@ class Usual:
         self._pieces: dict[int, dict[str, float]] = defaultdict(dict)
 
     def add(
-        self, moved: float, weights: Places, *, there: float = 0.0, last: Sighting, name: str
+        self, moved: float, weights: Places, *, there: float, last: Sighting, name: str
     ) -> None:
         """Add a thing that was seen.
 

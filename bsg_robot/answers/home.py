@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -74,14 +74,7 @@ class _Told:
 
 
 class Home:
-    """What is known of the habits of a home.
-
-    Args of `__init__`:
-        said: the graph as the robot said it.
-        still: object → P(it was there when it was seen), P(it still is), before looks.
-        words: what words mean.
-        pieces: node → its furniture.
-    """
+    """What is known of the habits of a home."""
 
     def __init__(
         self,
@@ -91,6 +84,14 @@ class Home:
         *,
         pieces: Callable[[int], SeenPieces],
     ) -> None:
+        """Begin with nothing learned.
+
+        Args:
+            said: the graph as the robot said it.
+            still: object → P(it was there when it was seen), P(it still is), before looks.
+            words: what words mean.
+            pieces: node → its furniture.
+        """
         self._said, self._still, self._words, self._pieces = said, still, words, pieces
         self._nodes = range(1, 1 + len(said.rooms))
 
@@ -249,7 +250,10 @@ class Home:
             for place, weight in weights.items()
         ]
         *places, anywhere = sorted(habits, key=lambda one: (one.room is None, -one.share))
-        return (*places[:_MOST_PLACES], anywhere)
+        shown, rest = places[:_MOST_PLACES], [*places[_MOST_PLACES:], anywhere]
+        share = sum(one.share for one in rest)
+        number = sum(one.sightings for one in rest)
+        return (*shown, replace(anywhere, share=share, sightings=number))
 
     def _weigh_kin(self, meaning: Meaning, own: Sequence[Track]) -> Places:
         """Return the weights of places of other things of the groups that are kept together."""

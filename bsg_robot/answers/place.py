@@ -48,7 +48,7 @@ class Place:
 class Habit:
     """A place where things of a kind usually are in this home."""
 
-    room: str | None  # its id; None: anywhere, as in homes that nobody knows
+    room: str | None  # its id; None: elsewhere, also as in homes that nobody knows
     piece: str | None  # id of a piece of furniture; None if nobody said on what
     share: float  # P(one that was moved is there now, by its habits)
     sightings: int  # of such things there

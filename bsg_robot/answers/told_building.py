@@ -633,10 +633,10 @@ class ToldBuilding:
     def keeps(self, thing: str, *, room: str | None = None, at: str | None = None) -> None:
         """Say where people of this home keep a thing, or a group of things such as drinks.
 
-        It counts as much as a month of daily sightings: the robot goes there first, and what it
-        sees elsewhere again and again counts in the end. What is said of the thing itself counts
-        before what is said of its group. Two places of one thing share it; what is said last of a
-        thing and a place counts, and `forget` takes all back.
+        It counts as much as two weeks of daily sightings at this time of the day: the robot goes
+        there first, and what it sees elsewhere for longer counts more. What is said of the thing
+        itself counts before what is said of its group. Two places of one thing share it; what is
+        said last of a thing and a place counts, and `forget` takes all back.
 
         Args:
             thing: any word, or a group of `bsg_robot/tables/groups-v1.csv`.

@@ -6,7 +6,7 @@ place, is one sighting; each thing keeps its last ones.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
@@ -42,24 +42,14 @@ def _begin_dates(graph: PartialGraph, time: float) -> PartialGraph:
     if graph.now is None or is_dated(graph.now) or not is_dated(time):
         return graph
     by = time - graph.now
-
-    def shift(one: float | None) -> float | None:
-        return None if one is None else read_time(one + by)
-
-    return replace(
-        graph,
-        now=time,
-        objects=tuple(replace(obj, time=shift(obj.time)) for obj in graph.objects),
-        rooms=tuple(replace(room, time=shift(room.time)) for room in graph.rooms),
-        looks=tuple(replace(look, time=shift(look.time)) for look in graph.looks),
-        memory=tuple(
-            replace(
-                one,
-                sightings=tuple(o._replace(time=read_time(o.time + by)) for o in one.sightings),
-            )
-            for one in graph.memory
-        ),
+    memory = (
+        replace(
+            one, sightings=tuple(o._replace(time=read_time(o.time + by)) for o in one.sightings)
+        )
+        for one in graph.memory
     )
+    dated = _date(graph, time, lambda one: None if one is None else read_time(one + by))
+    return replace(dated, memory=tuple(memory))
 
 
 def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
@@ -127,12 +117,19 @@ def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
 
 def date_all(graph: PartialGraph, time: float) -> PartialGraph:
     """Return a graph without a clock as one of which all was seen at a time."""
+    return _date(graph, time, lambda _: time)
+
+
+def _date(
+    graph: PartialGraph, now: float, date: Callable[[float | None], float | None]
+) -> PartialGraph:
+    """Return a graph at a time, with other times of what was seen."""
     return replace(
         graph,
-        now=time,
-        objects=tuple(replace(obj, time=time) for obj in graph.objects),
-        rooms=tuple(replace(room, time=time if room.visited else None) for room in graph.rooms),
-        looks=tuple(replace(one, time=time) for one in graph.looks),
+        now=now,
+        objects=tuple(replace(obj, time=date(obj.time)) for obj in graph.objects),
+        rooms=tuple(replace(o, time=date(o.time) if o.visited else None) for o in graph.rooms),
+        looks=tuple(replace(look, time=date(look.time)) for look in graph.looks),
     )
 
 

@@ -151,6 +151,19 @@ def test_a_thing_that_is_always_somewhere_else_may_be_anywhere(seen: SeenBuildin
     assert seen.anywhere("phone") > 0.9
 
 
+def test_a_thing_of_many_places_lists_the_likeliest_and_counts_the_others(
+    seen: SeenBuilding,
+) -> None:
+    for number in range(25):
+        seen.saw("office", "table", object_id=f"t{number}", time=0, within=0)
+        tell(seen, "phone", "office", "desk", object_id="p", time=3600 * 24 * number)
+        seen.saw("office", "phone", object_id="p", on=f"t{number}", time=3600 * (24 * number + 9))
+    *places, rest = seen.habits("phone")
+    assert len(places) == 20
+    assert sum(habit.sightings for habit in (*places, rest)) == 50
+    assert sum(habit.share for habit in (*places, rest)) == pytest.approx(1)
+
+
 def test_glasses_are_in_the_bath_in_the_morning_and_at_the_bed_at_night(seen: SeenBuilding) -> None:
     for day in range(1, 15):
         tell(seen, "glasses", "bath", "bathroom cabinet", object_id="g", time=at(day, 7))
@@ -229,14 +242,17 @@ def test_an_object_of_a_class_that_was_seen_in_a_searched_room_may_still_be_ther
     assert chances(seen, "chair")["bath"] == pytest.approx(0.6, abs=0.05)
 
 
-def test_half_of_all_things_are_elsewhere_after_a_day(seen: SeenBuilding) -> None:
-    """Of a robot that says so, in rooms of which nobody knows how much was seen."""
+def test_rooms_of_which_it_is_not_known_how_much_was_seen_get_older_too() -> None:
     rooms = [{"id": "a"}, {"id": "b", "floor_in_view": 0.2}]
     seen = open_graph({"scene_id": "h", "stays": 24, "rooms": rooms})
     seen.saw("a", "chair", time=0)
-    for _ in range(8):
+    likely = []
+    for _ in range(4):
+        likely.append(chances(seen, "chair")["a"])
         seen.passes(24 * 10)
-        assert 0 <= chances(seen, "chair")["a"] <= seen.anywhere("chair") <= 1
+    assert likely[0] == 1
+    assert likely == sorted(likely, reverse=True)
+    assert len({*likely}) == 4, "it is ever less sure"
 
 
 def test_what_is_kept_in_a_room_is_not_there_while_it_is_searched(seen: SeenBuilding) -> None:

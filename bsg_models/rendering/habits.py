@@ -33,15 +33,20 @@ class Taught:
         seen, told = self._list_sightings(), self._list_told()
         names = ["in no room", *self._rooms.values()]
         rows = []
-        for thing in sorted({*seen, *told}, key=lambda one: (-len(seen[one]), one))[:_MOST_THINGS]:
+        things = sorted({*seen, *told}, key=lambda one: (-len(seen[one]), one))
+        for thing in things[:_MOST_THINGS]:
             places = Counter((one.room_index, one.on) for one in seen[thing])
             often = [
                 f"{self._name(names[room], on)}: {times}"
                 for (room, on), times in places.most_common(_MOST_PLACES)
             ]
+            if (more := len(places) - _MOST_PLACES) > 0:
+                often.append(f"and {more:,} more")
             last = max((one.time for one in seen[thing]), default=None)
             counted = self._count(len(seen[thing]), last)
             rows.append([thing, "; ".join(often), *counted, "; ".join(told[thing])])
+        if (more := len(things) - _MOST_THINGS) > 0:
+            rows.append([f"and {more:,} more things", "", "", "", ""])
         return rows
 
     def _list_sightings(self) -> dict[str, list[Sighting]]:
