@@ -26,7 +26,7 @@ LOCKED = $(PIP) --require-hashes --no-deps --requirement
 CONSTRAINED = $(PIP) --constraint constraints.txt
 IS_LOCKED = $(PYTHON) -c 'import platform, sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 12) and platform.system() == "Linux" and platform.machine() == "x86_64"))'
 
-$(DEMO_INSTALLED): pyproject.toml setup.py constraints.txt requirements-torch-cpu.lock requirements-torch.lock requirements-demo.lock
+$(DEMO_INSTALLED): pyproject.toml constraints.txt requirements-torch-cpu.lock requirements-torch.lock requirements-demo.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name it as in: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)

@@ -3,11 +3,6 @@
 `__init__.pyi` lists the public names. Each is imported on first use.
 """
 
-from bsg_data.public_names import read_stub
+import lazy_loader
 
-__getattr__, __all__ = read_stub(__name__, __file__)
-
-
-def __dir__() -> list[str]:
-    """Return the public names."""
-    return __all__
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,16 +6,11 @@ The public names are in `__init__.pyi`. Each is imported when it is first asked 
 
 import warnings
 
-from bsg_data.public_names import read_stub
+import lazy_loader
 
 # torch-geometric 2.8 calls it at import, and torch 2.15 warns of that. The warning names a file of
 # torch's, so a program's own call is not told apart. A filter of the user's goes first.
 warnings.filterwarnings(
     "ignore", "`torch.jit.script` is deprecated", category=FutureWarning, append=True
 )
-__getattr__, __all__ = read_stub(__name__, __file__)
-
-
-def __dir__() -> list[str]:
-    """Return the public names."""
-    return __all__
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

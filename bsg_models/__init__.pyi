@@ -1,7 +1,3 @@
-# What people ask first is found here, too; nothing in this package imports bsg_robot.
-from bsg_robot.answers.seen_building import open_graph
-from bsg_robot.graph.formats import write_belief
-
 from .belief.belief_graph import BeliefGraph, believe
 from .belief.count_distribution import CountDistribution
 from .belief.expectation import Expectation
@@ -71,12 +67,10 @@ __all__ = [
     "mask_scene",
     "metric_rows",
     "next_room",
-    "open_graph",
     "read_split",
     "restore_model",
     "scenes_of",
     "study_search",
     "to_pyg",
     "train_run",
-    "write_belief",
 ]

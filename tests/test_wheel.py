@@ -5,9 +5,7 @@ The wheel is built from the source archive, as `python -m build` does.
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -28,7 +26,7 @@ FOLDERS = {
 }
 BUILD = "import sys; from setuptools.build_meta import {0}; {0}(sys.argv[1])"
 BESIDE = (  # what the source archive has besides the packages, and what setuptools writes itself
-    *("pyproject.toml", "setup.py", "MANIFEST.in"),
+    *("pyproject.toml", "MANIFEST.in"),
     *("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff"),
 )
 WRITTEN = {"PKG-INFO", "setup.cfg"}
@@ -133,32 +131,3 @@ def test_the_wheel_works_without_the_source_tree(wheel: Path, tmp_path: Path) ->
     run(IMPORT, str(unpacked))
     shown = run("from bsg_cli.data import main; main()", "map", "show", "chair")
     assert "chair" in shown
-
-
-def read_bill(wheel: Path) -> bytes:
-    """Return the software bill of materials of a wheel, where PEP 770 has it."""
-    with zipfile.ZipFile(wheel) as archive:
-        (name,) = [one for one in archive.namelist() if ".dist-info/sboms/" in one]
-        record = archive.read(f"{name.partition('/')[0]}/RECORD").decode()
-        assert f"{name},sha256=" in record
-        return archive.read(name)
-
-
-@pytest.mark.heavy
-def test_the_bill_of_materials_lists_what_is_asked_for(wheel: Path) -> None:
-    with (REPOSITORY / "pyproject.toml").open("rb") as file:
-        project = tomllib.load(file)["project"]
-    asked = {("", line) for line in project["dependencies"]}
-    for extra, lines in project["optional-dependencies"].items():
-        asked |= {(extra, line) for line in lines if not line.startswith(project["name"])}
-    bill = json.loads(read_bill(wheel))
-    assert (bill["bomFormat"], bill["specVersion"]) == ("CycloneDX", "1.6")
-    assert bill["metadata"]["component"]["version"] == project["version"]
-    listed = []
-    for part in bill["components"]:
-        said = {one["name"]: one["value"] for one in part["properties"]}
-        listed.append((said["python:extra"], part["name"]))
-        assert part["scope"] == ("optional" if said["python:extra"] else "required")
-        assert said["python:requirement"].startswith(part["name"])
-    names = ((extra, re.split(r"[<>=\[; ]", line)[0]) for extra, line in asked)
-    assert sorted(listed) == sorted(names)
