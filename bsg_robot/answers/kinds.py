@@ -13,7 +13,8 @@ all but one of `_WRONG` cases. A room of which nothing is known is of a kind tha
 lacks.
 
 p_kt is by hand, too: classes have the presence of `hand-prior-v1`, other things the rates of
-`things-v1`. So every model may read kinds. `scripts/measure/kinds.py` measures them.
+`things-v1`. So every model may read kinds. `scripts/measure/kinds.py` at commit
+c62923b7 measured them.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import MaskedBuildings, stream_sampled
@@ -35,7 +35,6 @@ from bsg_models.zoo.model import BeliefModel, one_thread
 Shares = Mapping[str, tuple[Floats, Floats]]
 Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
 READS = "reads labels"  # column of tables whose models are not all told the same
-VIEWS = ("half-seen", "glimpsed", "unvisited")  # of rooms that hide something
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +55,10 @@ class FoldModel:
             )
 
 
-def bootstrap(
-    batches: Iterable[tuple[int, Sequence[str], Shares]], *, resamples: int, by_fold: bool = False
-) -> Bootstrap:
+def bootstrap(batches: Iterable[tuple[int, Sequence[str], Shares]], *, resamples: int) -> Bootstrap:
     """Return the means over batches of (fold, scene of each node `[N]`, shares).
 
-    A value is the mean over the folds if `by_fold`, as in a leaderboard; else all cells are pooled,
-    which suits rare ones.
+    The cells of all folds are pooled.
 
     >>> shares = {"x": (np.array([1.0, 3.0, 5.0]), np.array([1.0, 1.0, 2.0]))}
     >>> bootstrap([(0, ("a", "a", "b"), shares)], resamples=0).point
@@ -75,13 +71,8 @@ def bootstrap(
         frames.append(pd.DataFrame(parts, index=index).groupby(level=["fold", "scene"]).sum())
     joined = pd.concat(frames).groupby(level=["fold", "scene"]).sum().sort_index(level="scene")
     weights = weigh_buildings(len(joined), resamples=resamples, seed=0)
-    fold_of = joined.index.get_level_values("fold").to_numpy() * by_fold
-    means = []
-    for fold in np.unique(fold_of):
-        rows = fold_of == fold
-        sums, cells = (joined.xs(part, axis=1, level=1)[rows].T @ weights[rows] for part in (0, 1))
-        means.append(sums / cells)
-    found = pd.concat(means).groupby(level=0, sort=False).mean()
+    sums, cells = (joined.xs(part, axis=1, level=1).T @ weights for part in (0, 1))
+    found = sums / cells
     return Bootstrap(
         point={str(name): float(value) for name, value in found[0].items()},
         resampled={str(name): row.to_numpy()[1:] for name, row in found.iterrows()},
@@ -141,7 +132,6 @@ def measure(
     mask: MaskRecipe,
     draws: int,
     resamples: int,
-    by_fold: bool = False,
     without: Sequence[str] = (),
 ) -> Bootstrap:
     """Return means over the buildings of several folds, each predicted by its own model.
@@ -152,7 +142,6 @@ def measure(
         mask: that the buildings are tested under.
         draws: masks of every building.
         resamples: of the buildings.
-        by_fold: whether a value is the mean over the folds.
         without: evidence that is withheld from the models; the tally receives it.
     """
 
@@ -165,7 +154,7 @@ def measure(
                 yield one.fold, scenes, tally(truth, masked, predict_all(one.model, told))
 
     with one_thread():
-        return bootstrap(batches(), resamples=resamples, by_fold=by_fold)
+        return bootstrap(batches(), resamples=resamples)
 
 
 def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
@@ -174,34 +163,11 @@ def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) 
     return {"nll": (hidden_nll(truth, found) * rooms, rooms)}
 
 
-def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
-    """Return `nll/VIEW`, and `gap/VIEW`: presence minus outcome, for the `VIEWS` of rooms."""
-    gap = (found.presence - (truth.hidden > 0)).sum(axis=1)
-    loss, classes = hidden_nll(truth, found), truth.inputs.shape[1]
-    shares = {}
-    for view, rooms in view_rooms(masked).items():
-        shares[f"nll/{view}"] = (loss * rooms, rooms.astype(float))
-        shares[f"gap/{view}"] = (gap * rooms, classes * rooms.astype(float))
-    return shares
-
-
 def tally_unvisited(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
     """Return `nll`, `said` and `true` objects, and `gap`, over rooms of which nothing was seen."""
-    rooms = view_rooms(masked)["unvisited"].astype(float)
+    seen = masked.seen
+    rooms = (~seen.is_building & (seen.hidden_share == 1)).astype(float)
     said, true = found.hidden.sum(axis=1, where=truth.known), truth.hidden.sum(axis=1)
     gap = (found.presence - (truth.hidden > 0)).mean(axis=1, where=truth.known)
     values = {"nll": hidden_nll(truth, found), "said": said, "true": true, "gap": gap}
     return {name: (value * rooms, rooms) for name, value in values.items()}
-
-
-def view_rooms(masked: MaskedBuildings) -> Mapping[str, Bools]:
-    """Return which nodes are rooms of each of the `VIEWS`, `[N]`.
-
-    The robot was in a half-seen room, looked through the door of a glimpsed one, and saw nothing of
-    an unvisited one.
-    """
-    seen = masked.seen
-    rooms = ~seen.is_building
-    partly = rooms & (seen.hidden_share > 0) & (seen.hidden_share < 1)
-    kinds = (partly & seen.visited, partly & ~seen.visited, rooms & (seen.hidden_share == 1))
-    return dict(zip(VIEWS, kinds, strict=True))

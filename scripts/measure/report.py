@@ -4,13 +4,11 @@
     python scripts/measure/report.py leaderboard --leaderboard board --out docs/results/figures.json
 
 `leaderboard` reads the board's numbers. The others measure its models again, each on the buildings
-that it was not trained on, as the first of several seeds trained it: `masks` under every mask and
-in every view of a room, `rooms_found` in buildings that are still being found, `labels` in rooms
-with a label and without, `ablation` as differences from `--base`, `steps` as differences from the
-model before, `search` by the cost that beliefs save: in the paper's worlds, where a robot has
+that it was not trained on, as the first of several seeds trained it: `rooms_found` in buildings
+that are still being found, `labels` in rooms with a label and without, `steps` as differences from
+the model before, `search` by the cost that beliefs save: in the paper's worlds, where a robot has
 looked into what it enters; and, in the last world that is named, where looks cost something, and
-for several robots. `told` and `singles` are those of real layouts alone: by what models are told,
-and over single searches.
+for several robots. `singles` is that of real layouts alone, over single searches.
 """
 
 from __future__ import annotations
@@ -27,7 +25,6 @@ from typing import Any
 
 from folds import (
     READS,
-    VIEWS,
     FoldModel,
     Tally,
     list_models,
@@ -38,7 +35,6 @@ from folds import (
     say_reads,
     tally_likelihood,
     tally_unvisited,
-    tally_views,
 )
 from results import ResultsTable, format_estimate, is_told_apart, write_figures
 
@@ -55,9 +51,8 @@ from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
-from bsg_models.studies.search_request import ROOM_SPECIFIC, ROUTING, TEAM, SearchRequest
+from bsg_models.studies.search_request import ROOM_SPECIFIC, TEAM, SearchRequest
 
-MASKS = ("uniform", "rooms", "frontier", "explore", "search", "tour")
 STEP_MASKS = ("uniform", "rooms")
 FOUND = (1, 2, 3, 5, 8, None)  # rooms that the robot has found; None: all
 _FEW = 3  # rooms: then a building has more masks, since one shows little
@@ -217,39 +212,6 @@ def _fold_of(one: FoldModel, kind: str, options: argparse.Namespace) -> Fold:
     return Fold(one.scenes, batches())
 
 
-def report_masks(options: argparse.Namespace) -> Tables:
-    """Return the NLL by mask, and the calibration of half-seen, glimpsed and unvisited rooms."""
-    found = {name: _by_mask(options, name, tally_likelihood) for name in _models(options)}
-    best = {mask: min((one[mask] for one in found.values()), key=_nll) for mask in MASKS}
-    rows = []
-    for name, by_mask in found.items():
-        cells = [f"{_nll(by_mask[mask]):.4f}" for mask in MASKS]
-        level = [not is_told_apart(by_mask[m].difference(best[m], "nll")) for m in MASKS]
-        gap = max(_nll(by_mask[mask]) - _nll(best[mask]) for mask in MASKS)
-        marked = [f"**{c}**" if same else c for c, same in zip(cells, level, strict=True)]
-        rows.append([f"`{name}`", *marked, f"{gap:+.4f}"])
-    reading = (
-        "Hidden NLL over the classes of all rooms, mean over the folds; less is better. Bold marks "
-        "the best of a column, and every model whose paired 95 % interval over buildings does not "
-        "separate it from the best. “Largest gap” is the largest distance to the best of a column."
-    )
-    header = (MODEL, *MASKS, "largest gap")
-    likelihood = unseen_table("NLL by training mask and test mask", header, rows, reading)
-    names = [f"{what}/{view}" for view in VIEWS for what in ("gap", "nll")]
-    rows = []
-    for name in found:
-        views = _under(options, name, tally_views, mask="explore", by_fold=True)
-        cells = [format_estimate(views.estimate(n), signed=n.startswith("gap")) for n in names]
-        rows.append([f"`{name}`", *cells])
-    reading = (
-        "Predicted minus true presence, and NLL, under `explore` masks: means over the classes of "
-        f"the rooms of a view, {INTERVAL}. 0 is calibrated; above 0, the model predicts too much."
-    )
-    heads = [f"{view}: {what}" for view in VIEWS for what in ("predicted − true", "NLL")]
-    title = "Calibration and NLL by view of the room"
-    return [likelihood, unseen_table(title, (MODEL, *heads), rows, reading)]
-
-
 def report_rooms_found(options: argparse.Namespace) -> Tables:
     """Return what models say of rooms not entered, by the number of rooms that were found."""
     names, heads = _models(options), [str(number or "all") for number in FOUND]
@@ -310,23 +272,6 @@ def _found(options: argparse.Namespace, name: str, number: int | None) -> Bootst
         resamples=options.resamples,
         without=tuple(EVIDENCE),
     )
-
-
-def report_ablation(options: argparse.Namespace) -> Tables:
-    """Return the NLL of the base, and the paired difference of each variant, a column a mask."""
-    base, trained_on = options.base, options.base.partition("@")[2]
-    against = _by_mask(options, base, tally_likelihood)
-    rows = [[f"`{base}`", *(f"{_nll(against[mask]):.4f}" for mask in MASKS)]]
-    for name in options.models or list_models(options.leaderboard, [trained_on]):
-        if name != base:
-            found = _by_mask(options, name, tally_likelihood)
-            gaps = [found[mask].difference(against[mask], "nll") for mask in MASKS]
-            rows.append([f"`{name}`", *(format_estimate(gap, signed=True) for gap in gaps)])
-    reading = (
-        "The first row is the hidden NLL of the base over the classes of all rooms. The other rows "
-        f"are paired differences from it, {INTERVAL}. Above 0 is worse."
-    )
-    return [unseen_table("Difference from the base, by mask", ("variant", *MASKS), rows, reading)]
 
 
 def report_steps(options: argparse.Namespace) -> Tables:
@@ -402,20 +347,6 @@ def report_singles(options: argparse.Namespace) -> Tables:
     return [unseen_table("A saving, read in three ways", header, rows, reading)]
 
 
-def report_told(options: argparse.Namespace) -> Tables:
-    """Return what is saved in real layouts by models that are told different things of rooms."""
-    rows = []
-    for name in _models(options):
-        (result,) = _search(options, name, worlds=WORLDS[-1:], task="single")
-        told = say_reads(options.leaderboard, name, options.folds)
-        rows += [
-            [f"`{name}`", f"`{p}`", told, _saved(result, p)] for p in PLANNERS if p != "oracle"
-        ]
-    rows.append(["none", f"`{ROUTING}`", "–", _saved(result, ROUTING)])
-    reading = f"Cost saved in `{WORLDS[-1]}`, task `single`, in per cent, {INTERVAL}."
-    return [unseen_table("What is told", ("belief of", "planner", READS, "saved"), rows, reading)]
-
-
 def _report_looks(options: argparse.Namespace, name: str) -> ResultsTable:
     """Return what planners save where looks cost something, a column a chance that they find."""
     columns = [
@@ -483,17 +414,12 @@ def _models(options: argparse.Namespace) -> list[str]:
     return options.models or list_models(options.leaderboard)
 
 
-def _by_mask(options: argparse.Namespace, name: str, tally: Tally) -> dict[str, Bootstrap]:
-    return {mask: _under(options, name, tally, mask=mask, by_fold=True) for mask in MASKS}
-
-
 def _under(
     options: argparse.Namespace,
     name: str,
     tally: Tally,
     *,
     mask: str,
-    by_fold: bool = False,
 ) -> Bootstrap:
     print(f"measures {name} under {mask}", file=sys.stderr, flush=True)
     return measure(
@@ -502,7 +428,6 @@ def _under(
         mask=mask_of(open_dataset(options.leaderboard, name), mask),
         draws=options.draws,
         resamples=options.resamples,
-        by_fold=by_fold,
     )
 
 
@@ -621,13 +546,10 @@ def report_paper_search(options: argparse.Namespace, artifacts: str = "room-spec
 MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "leaderboard": report_leaderboard,
     "labels": report_labels,
-    "masks": report_masks,
     "rooms_found": report_rooms_found,
-    "ablation": report_ablation,
     "steps": report_steps,
     "search": report_searches,
     "singles": report_singles,
-    "told": report_told,
     "choices": report_choices,
     "paper": report_paper,
     "paper_search": report_paper_search,
@@ -645,7 +567,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--models", nargs="*", help="NAME@MASK; default: all")
     parser.add_argument("--folds", nargs="*", type=int, help="to measure; default: all")
-    parser.add_argument("--base", default="universal@mixed", help="of the ablation")
     parser.add_argument("--draws", type=int, default=5, help="masks of every building")
     parser.add_argument("--episodes", type=int, default=200, help="searches of every building")
     parser.add_argument("--worlds", nargs="*", default=list(WORLDS), help="of the searches")

@@ -120,8 +120,8 @@ def format_command(argv: Sequence[str]) -> str:
 
     Wherever it wrote, the command writes the JSON of this project.
 
-    >>> format_command(["/srv/scripts/measure/report.py", "masks", "--leaderboard=/srv/board"])
-    'python scripts/measure/report.py masks --leaderboard=board'
+    >>> format_command(["/srv/scripts/measure/report.py", "labels", "--leaderboard=/srv/board"])
+    'python scripts/measure/report.py labels --leaderboard=board'
     >>> format_command(["scripts/measure/speed.py", "--out", "/srv/new.json"])
     'python scripts/measure/speed.py --out docs/results/figures.json'
     """
