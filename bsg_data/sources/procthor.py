@@ -33,7 +33,7 @@ from bsg_data.records import ForeignRecord, Listed, Position
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
+from bsg_data.sources.annotation_files import keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -143,8 +143,7 @@ class _ProcTHORHouses:
         """Read one house."""
         name, _, number = ref.location.rpartition(":")
         file = self.path / name if self.path.is_dir() else self.path
-        text = fetch_listed(ref, self.path, lambda: _fetch(file, int(number)), _digest)
-        house = _parse(text, ref.location)
+        house = _parse(_fetch(file, int(number)), ref.location)
         things = [*_unpack(house.objects)]
         annotation = Annotation(
             _find_regions(things, house.rooms),

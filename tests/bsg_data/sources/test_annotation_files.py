@@ -1,19 +1,16 @@
-"""Files of annotations: walked without loops, read as they were listed, one for each building."""
+"""Files of annotations: walked without loops, one for each building."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from refusals import refuses
 
-from bsg_data.errors import AnnotationError, SourceChangedError
+from bsg_data.errors import AnnotationError
 from bsg_data.sources.annotation_files import (
     decode,
-    fingerprint,
     keep_one_copy,
     list_files,
-    read_listed,
 )
 from bsg_data.sources.source import SceneRef
 
@@ -29,21 +26,6 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
     assert [(skip.location, skip.reason) for skip in unreadable] == [
         ("lost.house", "not a file, or a link that leads nowhere")
     ]
-
-
-def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
-    path = tmp_path / "a"
-    path.write_text("1")
-    ref = SceneRef("a", "a", fingerprint(path))
-    assert read_listed(tmp_path, ref) == (path, b"1")
-    for content in ("2", "other"):
-        path.write_text(content)
-        os.utime(path, ns=(0, len(content)))
-        with refuses(SourceChangedError, "source-changed", path):
-            read_listed(tmp_path, ref)
-    path.unlink()
-    with refuses(SourceChangedError, "source-changed", path):
-        read_listed(tmp_path, ref)
 
 
 def test_the_line_that_is_no_text_is_named() -> None:

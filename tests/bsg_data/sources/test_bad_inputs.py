@@ -129,6 +129,7 @@ TABLES: list[Row] = [
             (b"scene,room,category\n,,\n", "source-empty"),
             (b"scene,room,category,count\na,,bed,0\n", "source-empty"),
             (b"scene,room,category\na,1\n", "row-ragged"),
+            (b"scene,room,category\na,,\n", "row-malformed"),
             (b'scene,room,category\na,1,"bed\n', "csv-malformed"),
             ("scene,room,category\n1,1,1\na,Küche,Herd\n".encode("cp1252"), "csv-malformed"),
         )
