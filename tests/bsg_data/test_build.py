@@ -13,9 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import BATHROOM, BEDROOM, KITCHEN, REPOSITORY, annotation_text, write_scene
-from painted_meshes import write_painted
+from mesh_files import HOME, write_homes
 from refusals import refuses
 
 from bsg_data.build import build_dataset
@@ -265,7 +266,7 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
 def with_meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two buildings with meshes, the second of which is cut off: only read them."""
     out = tmp_path_factory.mktemp("meshes") / "places"
-    write_painted(out, scenes=2, seed=1)
+    write_homes(out, scenes=2)
     mesh = sorted(out.rglob("*.semantic.glb"))[1]
     mesh.write_bytes(mesh.read_bytes()[:-100])
     return out
@@ -288,6 +289,24 @@ def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
     assert all_bytes(tmp_path / "many") == all_bytes(tmp_path / "out")
     with pytest.raises(SourceError):
         build_dataset(HM3DFolder(with_meshes), tmp_path / "strict", strict=True)
+
+
+def test_a_home_is_where_it_was_painted_whatever_axis_is_up(tmp_path: Path) -> None:
+    write_homes(tmp_path / "homes", scenes=2)
+    manifest = build_dataset(HM3DFolder(tmp_path / "homes"), tmp_path / "out")
+    assert check_dataset(tmp_path / "out") == ()
+    for graph, up_axis in zip(read_scene_graphs(tmp_path / "out"), "yz", strict=True):
+        assert graph.up_axis == up_axis
+        for obj, (name, region, low, *sides) in zip(graph.objects, HOME, strict=True):
+            assert (obj.raw_category, obj.room_index) == (name, region + 1)
+            ends = np.array([low, np.sum([low, *sides], axis=0)])
+            np.testing.assert_allclose([obj.box.minimum, obj.box.maximum], ends, atol=1e-4)
+            assert obj.area == pytest.approx(np.linalg.norm(np.cross(*sides)), rel=1e-4)
+        assert [(edge.source, edge.target, edge.method) for edge in graph.adjacency] == [
+            (1, 2, "door")
+        ]
+        mesh = manifest.meshes[graph.scene_id]
+        assert (mesh.texels, mesh.listed, mesh.listed_area) == (8, 8, mesh.area)
 
 
 # A source that fails, goes away or changes while it is read: no scene is skipped for that.

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from conftest import commit_manifest, describe_file
-from painted_meshes import write_painted
+from mesh_files import write_homes
 from refusals import refuses
 
 from bsg_data.build import build_dataset
@@ -75,7 +75,7 @@ def adjacent(column: str, value: object) -> Change:
 @pytest.fixture(scope="module")
 def placed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("placed")
-    write_painted(folder / "places", scenes=1, seed=2)
+    write_homes(folder / "places", scenes=1)
     build_dataset(HM3DFolder(folder / "places"), folder / "dataset")
     return folder / "dataset"
 
