@@ -65,7 +65,7 @@ def check_dataset(
     """
     while True:
         manifest, sha256 = read_hashed_manifest(Path(dataset))
-        data = Dataset(Path(dataset), manifest, {}, sha256)  # nothing held: all is read again
+        data = Dataset(Path(dataset), manifest, sha256)
         strays = list_strays(data.path, manifest)
         check = _Check(data, progress)
         check.run()
