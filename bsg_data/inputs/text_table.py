@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import PACKED, read_bytes
-from bsg_data.inputs.documents import decode, find_encoding
+from bsg_data.inputs.documents import decode
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _MARKS = {  # in a header that is one column → what to do
@@ -45,14 +45,10 @@ def read_csv(path: Path) -> Iterator[_Row]:
 
 def parse_csv(data: bytes, *, separator: str = ",") -> Iterator[_Row]:
     """Yield the rows of a table, also empty ones; a ValueError names the line."""
-    lines = io.TextIOWrapper(io.BytesIO(data), find_encoding(data), newline="")
-    reader = csv.reader(lines, strict=True, delimiter=separator)
+    reader = csv.reader(io.StringIO(decode(data), newline=""), strict=True, delimiter=separator)
     try:
         for row in reader:
             yield reader.line_num, row
-    except UnicodeError:
-        decode(data)  # whose error names the place
-        raise
     except csv.Error as error:
         why = "a quote is not closed" if "end of data" in str(error) else error
         raise ValueError(f"line {reader.line_num}: {why}") from error
