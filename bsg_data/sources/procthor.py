@@ -149,7 +149,7 @@ class _ProcTHORHouses:
             _find_regions(things, house.rooms),
             [_name_asset(thing.asset) for thing in things],
             centroids=[_upright(thing.position) for thing in things],
-            rooms=_describe_rooms(house, ref.location),
+            rooms=_describe_rooms(house),
             doors=_list_doors(house),
             method="door",
             building_kind="home",
@@ -283,24 +283,18 @@ def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[i
     return numbers
 
 
-def _describe_rooms(house: _House, where: str) -> list[AnnotatedRoom]:
+def _describe_rooms(house: _House) -> list[AnnotatedRoom]:
     tops: dict[str | None, float] = {}
     for wall in house.walls:
         highest = max((corner.y for corner in wall.polygon), default=-np.inf)
         tops[wall.room_id] = max(highest, tops.get(wall.room_id, highest))
-    return [_describe(room, tops.get(room.id, -np.inf), where) for room in house.rooms]
+    return [_describe(room, tops.get(room.id, -np.inf)) for room in house.rooms]
 
 
-def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
+def _describe(room: _Room, top: float) -> AnnotatedRoom:
     """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
     corners = np.array([_upright(corner) for corner in room.corners])
     area = measure_area([(x, y) for x, y, _ in corners])
-    if area is None:
-        raise SourceError(
-            f"{where}: rooms: {room.id}: its floorPolygon encloses nothing",
-            code="floor-empty",
-            where=where,
-        )
     floor = corners[:, 2].min()
     ends = np.vstack([corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)])
     return AnnotatedRoom(

@@ -28,12 +28,11 @@ from pydantic import (
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.parquet import refusing_damage
-from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
+from bsg_data.inputs.text_table import SUFFIXES, find_columns, read_csv
 from bsg_data.records import Metres, name_fault
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import SceneName, once_for_each_state
-from bsg_data.words.nearest import ask_if_meant, nearest_names
-from bsg_data.words.shown import list_some
+from bsg_data.words.nearest import ask_if_meant
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
@@ -199,40 +198,13 @@ def _read_parquet(path: Path, named: Mapping[str, str]) -> _Cells:
 
 
 def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
-    """Return field → number of its column, spelt as asked, else in other letters."""
-    folded = [name.casefold() for name in header]
-    columns: dict[str, int] = {}
-    for field in FIELDS:
-        asked = named.get(field, field).strip()
-        same = [at for at, name in enumerate(header) if name == asked]
-        found = same or [at for at, name in enumerate(folded) if name == asked.casefold()]
-        if len(found) > 1:
-            shown = list_some([header[at] for at in found], _SHOWN)
-            message = f"{path}: the column {asked!r} twice, as {shown}"
-            raise SourceError(message, code="column-twice", where=path)
-        if found:
-            columns[field] = found[0]
-    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(columns)]
-    for field in (*named, *_REQUIRED, *chain.from_iterable(groups)):
-        if field not in columns:
-            raise _lack_column(path, field, named.get(field, field), header, columns)
-    return columns
-
-
-def _lack_column(
-    path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
-) -> SourceError:
-    near = nearest_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
-    hint = f"name yours by --option {field}=COLUMN"
-    if near:
-        hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"
-    return SourceError(
-        f"{path}: no column {asked!r}; {hint_separator(header) or hint}. Expected a header with "
-        f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "
-        f"{list_some(header, _SHOWN) or 'none'}",
-        code="column-missing",
-        where=path,
-    )
+    """Return field → number of its column; of a place, all columns must be there."""
+    wanted = {field: [named.get(field, field)] for field in FIELDS}
+    rename = "name yours by --option {field}=COLUMN"
+    found = find_columns(path, header, wanted, required=_REQUIRED, rename=rename)
+    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(found)]
+    required = tuple(dict.fromkeys((*named, *_REQUIRED, *chain.from_iterable(groups))))
+    return find_columns(path, header, wanted, required=required, rename=rename)
 
 
 def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]:

@@ -144,9 +144,7 @@ def test_a_cell_is_the_text_that_programs_show(tmp_path: Path) -> None:
     assert read_cells(tmp_path / "a.xlsx", cells) == [dict(enumerate(CELLS.values()))]
 
 
-@pytest.mark.parametrize(
-    "cell", ['<c t="s"><v>99</v></c>', "</c>", '<c r="XFD1048576" t="b"><v>1</v></c>']
-)
+@pytest.mark.parametrize("cell", ['<c t="s"><v>99</v></c>', "</c>"])
 def test_a_damaged_sheet_is_a_value_error(tmp_path: Path, cell: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         read_cells(tmp_path / "a.xlsx", cell)

@@ -87,7 +87,6 @@ HOUSES: list[Row] = [
     ("procthor", "half.json", b'[{}, {"a": 1', "json-malformed"),
     ("procthor", "bad.json", b'[{"rooms": \xff}]', "json-malformed"),
     ("procthor", "empty.jsonl", b"\n\n", "source-empty"),
-    ("procthor", "h.jsonl", _floor((0, 0), (1, 0), (2, 0)), "floor-empty"),
     ("procthor", "h.jsonl", _floor((0, 0), (1e9, 0), (2, 0)), "house-malformed"),
     ("procthor", "h.jsonl", _house(objects=[{"id": "4|0", "assetId": "B"}]), "house-malformed"),
     ("procthor", "h.jsonl", b'{"rooms": NaN}', "json-malformed"),
