@@ -136,22 +136,13 @@ def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
 
 
 def _read_groups(data: Dataset, entry: FileEntry) -> Iterator[pa.Table]:
-    """Yield row groups of a file, with what of their first building was left before."""
+    """Yield the row groups of a file, some together; none of them divides a masked building."""
     with data.open_file(entry) as file:
         sizes = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
         turns = (np.cumsum([0, *sizes])[:-1] // ROWS_PER_GROUP).tolist()
-        rest: pa.Table | None = None
         for turn in dict.fromkeys(turns):
-            groups = [k for k, one in enumerate(turns) if one == turn]
-            table = file.read_row_groups(groups, use_threads=False)
-            table = table if rest is None else pa.concat_tables([rest, table])
-            starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
-            last = int(starts[-1]) if len(starts) else 0
-            if turn == turns[-1]:
-                last = len(table)
-            if last:
-                yield table.slice(0, last)
-            rest = table.slice(last)
+            groups = [k for k, other in enumerate(turns) if other == turn]
+            yield file.read_row_groups(groups, use_threads=False)
 
 
 def list_column(table: pa.Table, name: str) -> npt.NDArray[Any]:

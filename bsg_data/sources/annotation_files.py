@@ -76,18 +76,10 @@ def list_files(
         files = [path] if path.name.endswith(suffixes) else []
     else:
         raise SourceError(f"{path}: no such file or folder", code="source-missing", where=path)
-    if not files and unreadable:
-        first = unreadable[0]
-        shown = os.fsencode(path).decode("utf-8", "backslashreplace")
-        raise SourceError(
-            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason}) "
-            f"and {len(unreadable) - 1:,} more; rename them or the folders above, or make them "
-            "readable",
-            code="source-unreadable",
-            where=shown,
-        )
     if not files:
-        raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
+        left_out = [f"{skip.location} ({skip.reason})" for skip in unreadable]
+        hint = f"; left out are {list_some(left_out, 1)}" if left_out else ""
+        raise SourceError(f"{path}: {expected}{hint}", code="source-empty", where=path)
     return files, tuple(unreadable)
 
 
@@ -95,7 +87,7 @@ def _walk(root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene])
     """Yield the files below a folder that are not hidden; follow links, but no loops."""
 
     def note(where: str, reason: str) -> None:
-        shown = os.path.relpath(where, root).encode("utf-8", "backslashreplace").decode()
+        shown = os.path.relpath(where, root)
         unreadable.append(SkippedScene(scene_id="-", location=shown, reason=reason))
 
     def fail(error: OSError) -> None:
@@ -127,8 +119,6 @@ def _why_not(path: Path) -> str | None:
     except OSError as error:
         require_lasting(error, path)
         return f"cannot be read ({error.strerror})"
-    if any("\ud800" <= c <= "\udfff" for c in str(path)):
-        return "its path is not UTF-8"
     return None
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import BATHROOM, BEDROOM, KITCHEN, REPOSITORY, annotation_text, write_scene
+from conftest import BEDROOM, KITCHEN, REPOSITORY, annotation_text, write_scene
 from mesh_files import HOME, write_homes
 from refusals import refuses
 
@@ -199,25 +199,6 @@ def test_strict_refuses_a_loss_also_of_a_build_that_was_begun(
     for size in (2, 16):  # shards of the other build are there, or none
         with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v1"):
             build_dataset(source, tmp_path / "out", scenes_per_shard=size, strict=True)
-
-
-def test_two_annotations_of_one_building_are_said_and_an_error_under_strict(
-    hm3d_folder: Path, tmp_path: Path
-) -> None:
-    copy = next(hm3d_folder.rglob("*00.semantic.txt"))
-    other = write_scene(hm3d_folder, "00000-abcdefghi00", copy.read_bytes(), split="minival")
-    known = tmp_path / "known.csv"
-    names = ["stove", *{name for room in (KITCHEN, BEDROOM, BATHROOM) for name in room}]
-    rows = "".join(f"{name},{name},\n" for name in dict.fromkeys(filter(None, names)))
-    known.write_text(f"raw_category,category,class\n{rows}book,book,\ncup,cup,\n")
-    source = HM3DFolder(hm3d_folder)
-    manifest = build_dataset(source, tmp_path / "same", class_map=known, strict=True)
-    assert "has the same annotation" in manifest.skipped[0].reason
-    other.write_text(annotation_text({0: KITCHEN}))
-    manifest = build_dataset(source, tmp_path / "other", class_map=known)
-    assert "has another annotation of the same building" in manifest.skipped[0].reason
-    with refuses(SourceError, "scene-unreadable", other):
-        build_dataset(source, tmp_path / "strict", class_map=known, strict=True)
 
 
 def _limit_file_size() -> None:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-from refusals import refuses
-
-from bsg_data.errors import AnnotationError
 from bsg_data.sources.annotation_files import (
-    decode,
     keep_one_copy,
     list_files,
 )
@@ -21,16 +18,14 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
         (tmp_path / name).write_text("")
     (tmp_path / "b" / "round").symlink_to(tmp_path)
     (tmp_path / "lost.house").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "zero.house").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe.house")
     found, unreadable = list_files(tmp_path, (".house",), expected="")
     assert [path.relative_to(tmp_path).as_posix() for path in found] == ["z.house", "b/a.house"]
     assert [(skip.location, skip.reason) for skip in unreadable] == [
-        ("lost.house", "not a file, or a link that leads nowhere")
+        (f"{name}.house", "not a file, or a link that leads nowhere")
+        for name in ("lost", "pipe", "zero")
     ]
-
-
-def test_the_line_that_is_no_text_is_named() -> None:
-    with refuses(AnnotationError, "line-malformed", "a.txt, line 2"):
-        decode(b"a\nb\xff", path=Path("a.txt"))
 
 
 def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:
