@@ -127,6 +127,10 @@ def build_dataset(
             raise _refuse_nothing(source.path, manifest.skipped)
         unmapped = {one.name: one.instances for one in manifest.unmapped}
         near = tuple(describe_unmapped(unmapped, loaded))
+        if _find_scenes(source, strict=strict) != found:
+            shutil.rmtree(folder)
+            message = f"{source.path}: changed while it was read; run the command again"
+            raise SourceChangedError(message, code="source-changed", where=source.path)
         manifest = manifest.model_copy(update={"unmapped": near})
         publish(folder, manifest)
     return manifest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,3 +74,53 @@ def as_file(image: Image.Image, kind: str, **options: Any) -> Image.Image:
     image.save(file, format=kind, **options)
     file.seek(0)
     return Image.open(file)
+
+
+# A home of two rooms, 4 m and 3.9 m wide, with a door between them, metres, Z up:
+# name, region, corner, and the two sides from there.
+HOME = (
+    ("floor", 0, (0, 0, 0), (4, 0, 0), (0, 3, 0)),
+    ("ceiling", 0, (0, 0, 2.6), (4, 0, 0), (0, 3, 0)),
+    ("wall", 0, (0, 0, 0), (4, 0, 0), (0, 0, 2.6)),
+    ("door", 0, (4, 1, 0), (0, 0.9, 0), (0, 0, 2)),
+    ("bed", 0, (0.5, 0.5, 0.6), (2, 0, 0), (0, 1.6, 0)),
+    ("floor", 1, (4.1, 0, 0), (3.9, 0, 0), (0, 3, 0)),
+    ("ceiling", 1, (4.1, 0, 2.6), (3.9, 0, 0), (0, 3, 0)),
+    ("chair", 1, (6, 1, 0.5), (0.5, 0, 0), (0, 0.5, 0)),
+)
+UP = {"y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "z": np.eye(3)}  # of the file, in axes of the home
+
+
+def write_homes(root: Path, *, scenes: int, quads: int = 1, pixels: int = 1) -> None:
+    """Write homes as HM3D has them, with a mesh beside each annotation: Y up, then Z up, in turns.
+
+    Args:
+        root: the folder above them.
+        scenes: how many.
+        quads: along each side of each rectangle.
+        pixels: along each side of its texture.
+    """
+    lines = [
+        f'{number},{number:X},"{name}",{region}'
+        for number, (name, region, *_) in enumerate(HOME, start=1)
+    ]
+    for scene in range(scenes):
+        name = f"example{scene:04d}"
+        path = root / f"{scene:05d}-{name}" / f"{name}.semantic.txt"
+        turn = np.array(UP["yz"[scene % 2]])
+        write_glb(path.with_suffix(".glb"), *_paint_home(turn, quads, pixels))
+        path.write_text("\n".join(["HM3D Semantic Annotations", *lines, ""]), "utf-8")
+
+
+def _paint_home(turn: Any, quads: int, pixels: int) -> Iterator[trimesh.Trimesh]:
+    """Yield a rectangle of one colour for each thing of a home."""
+    place = np.stack(np.meshgrid(*[np.linspace(0, 1, quads + 1)] * 2), axis=-1).reshape(-1, 2)
+    first = (np.arange(quads)[:, None] * (quads + 1) + np.arange(quads)).reshape(-1, 1)
+    far = first + quads + 1
+    faces = np.concatenate(
+        [np.hstack([first, first + 1, far + 1]), np.hstack([first, far + 1, far])]
+    )
+    for number, (_, _, corner, *sides) in enumerate(HOME, start=1):
+        image = Image.new("RGB", (pixels, pixels), (0, 0, number))
+        points = (np.array(corner) + place @ np.array(sides, dtype=float)) @ turn
+        yield make_mesh(points, faces, place, as_file(image, "PNG"))

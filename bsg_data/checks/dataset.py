@@ -16,7 +16,6 @@ from pathlib import Path
 import pyarrow as pa
 
 from bsg_data.checks.graphs import find_faults
-from bsg_data.checks.pairs import check_pairs, check_splits
 from bsg_data.dataset.commit import list_strays
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import (
@@ -30,10 +29,13 @@ from bsg_data.dataset.manifest import (
     hash_manifest,
     read_hashed_manifest,
 )
-from bsg_data.dataset.scenes import count_totals
+from bsg_data.dataset.scenes import count_totals, divide
 from bsg_data.dataset.schema import TABLES
-from bsg_data.errors import BSGError, ClassMapError, DatasetError
+from bsg_data.dataset.splits import assign_splits
+from bsg_data.errors import BSGError, ClassMapError, DatasetError, RecipeError
 from bsg_data.files import AnyPath, hold
+from bsg_data.observation.pairs import split_of_file
+from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import load_class_map, parse_own_map
 
 _NAMED = 3  # named of each kind of fault; the others are counted
@@ -65,7 +67,7 @@ def check_dataset(
     """
     while True:
         manifest, sha256 = read_hashed_manifest(Path(dataset))
-        data = Dataset(Path(dataset), manifest, {}, sha256)  # nothing held: all is read again
+        data = Dataset(Path(dataset), manifest, sha256)
         strays = list_strays(data.path, manifest)
         check = _Check(data, progress)
         check.run()
@@ -105,9 +107,9 @@ class _Check:
         if self.manifest.split is None or self.faults:
             return
         table = pa.concat_tables(splits)
-        self.add("splits", check_splits(table, scenes, self.manifest.split))
+        self.add("splits", _check_splits(table, scenes, self.manifest.split))
         if self.manifest.pairs is not None and not self.faults:
-            self.add("pairs", check_pairs(self.data, table, self.read))
+            self.add("pairs", _check_pairs(self.data, table, self.read))
 
     def read(self, entry: FileEntry) -> pa.Table | None:
         """Read a file; None if it has a fault."""
@@ -205,3 +207,53 @@ def _check_files(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; split or pairs writes it again")
+
+
+def _check_splits(
+    splits: pa.Table, scenes: pa.Table, recipe: SplitRecipe
+) -> Iterator[tuple[str, str]]:
+    """Check that every scene is in the split of the recipe, once, and in no other."""
+    own, sources = (_map_scenes(scenes, name) for name in ("source_split", "source"))
+    try:
+        expected = Counter(assign_splits(own, recipe, sources=sources).items())
+    except RecipeError as error:
+        yield "the split", f"cannot be made by the recipe: {error}"
+        return
+    rows = zip(splits["scene_id"].to_pylist(), splits["split"].to_pylist(), strict=True)
+    found = Counter(rows)
+    for scene, split in sorted(found - expected):
+        yield f"{scene}, {split}", "is not its split by the recipe, or is there twice"
+    for scene, split in sorted(expected - found):
+        yield f"{scene}, {split}", "is its split by the recipe, but not there"
+
+
+def _check_pairs(
+    data: Dataset, splits: pa.Table, read: Callable[[FileEntry], pa.Table | None]
+) -> Iterator[tuple[str, str]]:
+    """Check that every scene has its pairs in one file, which is of its split, all draws of them.
+
+    Args:
+        data: a dataset with sound tables and pairs.
+        splits: its table of splits.
+        read: reads a file; None if it has a fault.
+    """
+    draws = 1 if data.manifest.pairs is None else data.manifest.pairs.draws
+    split_of, times = _map_scenes(splits, "split"), Counter[str]()
+    for entry in data.manifest.files_of("pairs"):
+        table = read(entry)
+        for scene, rows in () if table is None else divide(table):
+            where, split = f"{entry.path}, {scene}", split_of.get(scene)
+            times[scene] += 1
+            if split != split_of_file(entry.path):
+                yield where, f"expected split {split_of_file(entry.path)}, found {split}"
+            elif (said := rows["split"].unique().to_pylist()) != [split]:
+                yield where, f"expected {split} as `split` of every row, found {said}"
+            elif rows["draw"].unique().to_pylist() != list(range(draws)):
+                yield where, f"expected draws 0..{draws - 1}, in order"
+    for scene in sorted(split_of):
+        if times[scene] != 1:
+            yield scene, f"has pairs in {times[scene]} places, expected 1"
+
+
+def _map_scenes(table: pa.Table, column: str) -> dict[str, str]:
+    return dict(zip(table["scene_id"].to_pylist(), table[column].to_pylist(), strict=True))

@@ -2,11 +2,10 @@
 
     DATASET.partial/           a dataset that is being built; one rename publishes it
     DATASET.partial/.build/    plan.json, and a report of every finished shard
-    DATASET/.staged/           the files of a change, each renamed to its place, the manifest last;
-                               `replaced/` has the manifest that was there before
+    DATASET/.staged/           the files of a change, each renamed to its place, the manifest last
 
-A killed command leaves the old dataset or the new one. What else it leaves lies in `.staged`, or is
-listed by a manifest there: the next command that changes the dataset removes it.
+A killed command leaves the old dataset or the new one. Where `.staged` is there, the next command
+that changes the dataset removes it, and the splits and pairs that the manifest does not list.
 """
 
 from __future__ import annotations
@@ -23,15 +22,14 @@ from bsg_data.dataset.manifest import (
     CROISSANT,
     MANIFEST,
     STAGED,
+    STAGED_PATH,
     FileEntry,
     Manifest,
     encode_manifest,
-    hash_manifest,
     read_manifest,
 )
 from bsg_data.errors import DatasetError
 from bsg_data.files import (
-    empty,
     flush_folder,
     hold,
     list_files,
@@ -43,8 +41,6 @@ from bsg_data.files import (
 from bsg_data.places import BUILD, FolderKind, is_left
 from bsg_data.results import recover
 
-_REPLACED = "replaced"
-
 
 def _list_known(manifest: Manifest) -> set[str]:
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
@@ -53,15 +49,13 @@ def _list_known(manifest: Manifest) -> set[str]:
 
 def _list_own(dataset: Path) -> set[str]:
     """Return the files of a dataset, with what a killed command left in it."""
-    left = [name for name in list_files(dataset) if name.startswith(f"{STAGED}/")]
-    return {*left, *_list_staged(dataset), *_list_known(read_manifest(dataset))}
+    return _list_known(read_manifest(dataset)) | _list_staged(dataset)
 
 
 def _list_staged(dataset: Path) -> set[str]:
-    """Return the files that the manifests of a change list which was stopped."""
-    staged = dataset / STAGED
-    folders = [path for path in (staged, staged / _REPLACED) if (path / MANIFEST).is_file()]
-    return {entry.path for folder in folders for entry in read_manifest(folder).files}
+    """Return the files that a change may have left which was stopped."""
+    files = list_files(dataset) if (dataset / STAGED).is_dir() else []
+    return {path for path in files if STAGED_PATH.fullmatch(path)}
 
 
 DATASET = FolderKind("dataset", mark=MANIFEST, lists=_list_own)
@@ -70,8 +64,8 @@ DATASET = FolderKind("dataset", mark=MANIFEST, lists=_list_own)
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
     """Return the sorted files in a dataset's folder that no command of ours put there."""
     known = _list_known(manifest) | _list_staged(dataset)
-    left = (f"{STAGED}/", f"{BUILD}/") if is_left(dataset) else f"{STAGED}/"
-    return [path for path in list_files(dataset) if path not in known and not path.startswith(left)]
+    plan = f"{BUILD}/" if is_left(dataset) else "/"
+    return [path for path in list_files(dataset) if path not in known and not path.startswith(plan)]
 
 
 def update_manifest(
@@ -83,7 +77,7 @@ def update_manifest(
         dataset: its folder.
         write: called with the dataset, while no other command writes. It stages files, and returns
             the manifest that names them.
-        is_made: says whether a manifest that a killed command put in place is that of this change.
+        is_made: says whether a manifest is that of this change, so that after a kill it is done.
     """
     with hold(dataset):
         recover(resolve_links(dataset), DATASET)
@@ -92,13 +86,14 @@ def update_manifest(
             if (dataset / name).is_symlink():
                 message = f"{dataset / name}: is a link, and may lead anywhere; remove it"
                 raise DatasetError(message, code="link", where=dataset / name)
-        was_stopped = _sweep(dataset)
+        was_stopped = (dataset / STAGED).is_dir()
+        _sweep(dataset)
         if was_stopped and is_made(data.manifest):
             return data.manifest
         staged = dataset / STAGED
         try:
             with writing(dataset):
-                write_bytes(staged / _REPLACED / MANIFEST, (dataset / MANIFEST).read_bytes())
+                staged.mkdir()
                 new = write(data)
                 publish(staged, new)
                 _move(staged, dataset)
@@ -137,7 +132,7 @@ def publish(folder: Path, manifest: Manifest) -> None:
 
 def _move(staged: Path, dataset: Path) -> None:
     """Move what is staged to its place, the manifest last: the commit."""
-    names = [name for name in list_files(staged) if not name.startswith(f"{_REPLACED}/")]
+    names = list_files(staged)
     for name in sorted(names, key=lambda name: name == MANIFEST):
         if name == MANIFEST:
             for folder in {(dataset / other).parent for other in names}:
@@ -151,20 +146,13 @@ def _rename(path: Path, target: Path) -> None:
     path.replace(target)
 
 
-def _sweep(dataset: Path) -> bool:
-    """Remove what a change left; say whether it was stopped after its commit."""
-    staged, replaced = dataset / STAGED, dataset / STAGED / _REPLACED
-    was_replaced = (replaced / MANIFEST).is_file() and (
-        hash_manifest(replaced) != hash_manifest(dataset)
-    )
+def _sweep(dataset: Path) -> None:
+    """Remove what a change left; `.staged` last, for by it the next command is told."""
     for path in _list_staged(dataset) - _list_known(read_manifest(dataset)):
-        (dataset / path).unlink(missing_ok=True)
+        (dataset / path).unlink()
         with suppress(OSError):
             (dataset / path).parent.rmdir()  # unless anything is in it
-    if staged.is_dir():
-        empty(staged, but=_REPLACED)
-    remove(replaced)  # last, for by it the next command is told
-    for folder in (dataset / "pairs", dataset / "splits", staged):
+    for folder in (dataset / "pairs", dataset / "splits"):
         with suppress(OSError):
             folder.rmdir()
-    return was_replaced
+    remove(dataset / STAGED)

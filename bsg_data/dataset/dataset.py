@@ -21,13 +21,11 @@ from bsg_data.dataset.histograms import NO_CATEGORY, Unclassified, count_cells
 from bsg_data.dataset.manifest import (
     SPLIT_NAME,
     FileEntry,
-    hash_manifest,
     read_hashed_manifest,
-    read_manifest,
 )
 from bsg_data.dataset.scenes import take_adjacent
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import DatasetFiles, hold_files, refuse_replaced
+from bsg_data.dataset.shards import DatasetFiles, refuse_replaced
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless
@@ -36,7 +34,6 @@ from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surrounding
 
 NAMES = ("train", "val", "test")  # of splits; folds have others
 _HELD_BYTES = 256 * 2**20  # bound of the shards in memory
-_TRIES = 5  # to open a dataset that other commands replace
 _NODE_BYTES = 170  # about what is held of a node besides its cells
 _OBJECT_BYTES = 23
 _WORDS = ("scene_id", "category", "kind", "method")  # columns of few words
@@ -59,7 +56,6 @@ class Dataset(DatasetFiles):
     Attributes:
         path: folder of the dataset.
         manifest: its manifest.
-        held: its files in memory; none of a dataset larger than `HELD_FILES`.
         sha256: hash of the manifest, which identifies the whole dataset.
     """
 
@@ -69,27 +65,17 @@ class Dataset(DatasetFiles):
     def open(cls, path: AnyPath, *, sha256: str | None = None) -> Dataset:
         """Open a dataset; an unchanged dataset is returned from memory.
 
-        Its files are kept in memory up to `HELD_FILES` bytes, so that it stays what it was if a
-        command replaces it. A file is compared with its hash when it is read. Give the hash of the
-        manifest if it is known: it is then not read again, which takes long in large datasets.
+        A file is compared with its hash when it is read. Give the hash of the manifest if it is
+        known: it is then not read again, which takes long in large datasets.
 
         Raises:
             DatasetError: if the dataset is missing, unfinished or damaged, or has another hash.
         """
-        path, tries = Path(path), 1 if sha256 else _TRIES
-        while True:
-            tries -= 1
-            try:
-                return _open_once(path.absolute(), sha256 or hash_manifest(path))
-            except OSError:
-                read_manifest(path)  # raises an error that says what is missing
-                raise
-            except DatasetError as error:
-                if error.code != "dataset-replaced" or not tries:
-                    raise
+        known = sha256 or read_hashed_manifest(Path(path))[1]
+        return _open_once(Path(path).absolute(), known)
 
     def __reduce__(self) -> tuple[Callable[[Path, str], Dataset], tuple[Path, str]]:
-        """Have another process open the same dataset, and not carry its files there."""
+        """Have another process open the same dataset."""
         return _open_once, (self.path, self.sha256)
 
     @cached_property
@@ -261,10 +247,9 @@ class Dataset(DatasetFiles):
 @lru_cache(maxsize=8)
 def _open_once(path: Path, sha256: str) -> Dataset:
     manifest, found = read_hashed_manifest(path)
-    held = hold_files(path, manifest.files)
-    if not found == sha256 == hash_manifest(path):
+    if found != sha256:
         refuse_replaced(path)
-    return Dataset(path, manifest, held, sha256)
+    return Dataset(path, manifest, sha256)
 
 
 def read_splits(dataset: AnyPath) -> dict[str, tuple[str, ...]]:

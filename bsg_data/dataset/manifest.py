@@ -109,17 +109,18 @@ STAGED = ".staged"  # folder of what a command is about to add
 
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
-_FILE_PATH = re.compile(
-    r"(?:scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet"
-    r"|splits/[a-z]+-[0-9a-f]{8}\.parquet"
-    rf"|pairs/[a-z][a-z0-9-]*-[0-9a-f]{{8}}/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet",
+_STAGED_PATH = (
+    r"splits/[a-z]+-[0-9a-f]{8}\.parquet"
+    rf"|pairs/[a-z][a-z0-9-]*-[0-9a-f]{{8}}/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet"
 )
+_FILE_PATH = rf"(?:scenes|rooms|objects|edges)/part-[0-9]{{5}}\.parquet|{_STAGED_PATH}"
+STAGED_PATH = re.compile(rf"{re.escape(STAGED)}/.*|{_STAGED_PATH}")  # of what a change adds
 
 
 class FileEntry(Record):
     """One file of a dataset: its path below the dataset, rows, bytes and hash."""
 
-    path: str = Field(pattern=rf"^({_FILE_PATH.pattern}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
+    path: str = Field(pattern=rf"^({_FILE_PATH}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")

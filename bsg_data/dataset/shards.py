@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,8 +23,6 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json, flush_file, writing
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
-
-HELD_FILES = 64 * 2**20  # bytes of the files of a dataset that an open one keeps
 
 
 def write_shards(
@@ -46,9 +44,7 @@ def write_shards(
 def read_scene_graphs(dataset: AnyPath) -> Iterator[SceneGraph]:
     """Yield the scene graphs of a dataset, with one shard in memory at a time."""
     dataset = Path(dataset)
-    manifest = read_manifest(dataset)
-    entries = [entry for name in TABLES for entry in manifest.files_of(name)]
-    return DatasetFiles(dataset, manifest, hold_files(dataset, entries)).read_graphs()
+    return DatasetFiles(dataset, read_manifest(dataset)).read_graphs()
 
 
 def write_parquet(
@@ -103,12 +99,10 @@ class DatasetFiles:
     Attributes:
         path: folder of the dataset.
         manifest: its manifest.
-        held: its files in memory; none of a dataset larger than `HELD_FILES`.
     """
 
     path: Path
     manifest: Manifest
-    held: Mapping[str, bytes] = field(repr=False)  # path below the dataset → bytes
 
     def read_graphs(self) -> Iterator[SceneGraph]:
         """Yield the scene graphs, with one shard in memory at a time."""
@@ -159,7 +153,7 @@ class DatasetFiles:
         Columns of words that repeat may be read as dictionaries.
         """
         path = self.path / entry.path
-        data = self.held.get(entry.path) or _read_whole(path, entry)
+        data = _read_whole(path, entry)
         if data is None:
             self._refuse(entry)
         with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
@@ -205,18 +199,6 @@ def refuse_replaced(dataset: Path) -> NoReturn:
         code="dataset-replaced",
         where=dataset,
     )
-
-
-def hold_files(dataset: Path, entries: Sequence[FileEntry]) -> Mapping[str, bytes]:
-    """Read the bytes of files, so that a command that replaces the dataset takes nothing away.
-
-    Files that together have more than `HELD_FILES` bytes are not held, nor is a damaged one, which
-    is refused when it is read.
-    """
-    if sum(entry.bytes for entry in entries) > HELD_FILES:
-        return {}
-    read = ((entry.path, _read_whole(dataset / entry.path, entry)) for entry in entries)
-    return {path: data for path, data in read if data is not None}
 
 
 def _read_whole(path: Path, entry: FileEntry) -> bytes | None:

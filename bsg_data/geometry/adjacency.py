@@ -16,12 +16,10 @@ from typing import Any
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.errors import SourceError
 from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
 
-MAX_ROOMS = 1_000  # with a place, of which every pair is looked at
 _DOORS = (  # corrected categories
     "door",
     "door frame",
@@ -48,13 +46,6 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     distance of the rooms' centroids. Rooms without geometry stay unconnected.
     """
     placed = [room for room in graph.rooms if room.box is not None]
-    if len(placed) > MAX_ROOMS:
-        raise SourceError(
-            f"{graph.scene_id}: expected at most {MAX_ROOMS:,} rooms with a place, found "
-            f"{len(placed):,}; split it into buildings",
-            code="building-too-large",
-            where=graph.scene_id,
-        )
     boxes = np.array([[r.box.minimum, r.box.maximum] for r in placed if r.box]).reshape(-1, 2, 3)
     floors = np.array([room.floor_z or 0.0 for room in placed])
     ways = _Ways(placed, boxes.copy(), floors)

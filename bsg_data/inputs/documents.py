@@ -112,7 +112,7 @@ def decode(data: bytes | str) -> str:
     """Return text of UTF-8, or of another Unicode that its mark names; without the mark."""
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
-    encoding = find_encoding(data)
+    encoding = next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
     if encoding == "utf-8" and b"\0" in data[:4]:
         raise ValueError(f"{_guess_encoding(data)}; save it as UTF-8")
     try:
@@ -126,11 +126,6 @@ def decode(data: bytes | str) -> str:
             f"line {line}: byte 0x{byte:02X} is not UTF-8 but {_guess_encoding(data)}; save it as "
             "UTF-8"
         ) from None
-
-
-def find_encoding(data: bytes) -> str:
-    """Return the encoding that the mark at the beginning names; without one, UTF-8."""
-    return next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
 
 
 def _guess_encoding(data: bytes) -> str:

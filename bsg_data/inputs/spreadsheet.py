@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import datetime
 import io
-import re
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from functools import reduce
 from typing import Any
 
 from python_calamine import CalamineError, CalamineWorkbook
 
-# The place of a cell that is not empty: `<c r="AB12" t="s">`, and not `<c r="AB12" s="1"/>`.
-_CELL = re.compile(rb'<(?:[\w.-]+:)?c\s[^>/]*?\br="([A-Za-z]+)([0-9]+)"[^>/]*>')
-_MOST = 2**25  # cells of a sheet, if it were full
 _ODD = (RuntimeError, NotImplementedError, EOFError, struct.error)  # of a zip
 _SheetRow = dict[int, str]  # number of the column, from the first that is used → text, if any
 
@@ -28,7 +23,6 @@ def read_sheets(data: bytes, is_read: Callable[[str], bool]) -> Iterator[tuple[s
     error of a formula is an empty cell.
     """
     try:
-        _require_near(data)
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         for title in filter(is_read, book.sheet_names):
             for cells in book.get_sheet_by_name(title).iter_rows():
@@ -37,22 +31,6 @@ def read_sheets(data: bytes, is_read: Callable[[str], bool]) -> Iterator[tuple[s
                     yield title, row
     except (CalamineError, zipfile.BadZipFile, zlib.error, *_ODD) as error:
         raise ValueError(str(error) or type(error).__name__) from error
-
-
-def _require_near(data: bytes) -> None:
-    """Refuse a cell far away from the others: the library allots all cells up to it, or ends."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        for name in archive.namelist():
-            cells = _CELL.finditer(archive.read(name)) if "worksheets/" in name else ()
-            places = {(cell[1].upper(), int(cell[2])) for cell in cells}
-            width = max((_number(column) for column, _ in places), default=0)
-            if width * max((row for _, row in places), default=0) > _MOST:
-                raise ValueError(f"{name}: a cell stands far away from the others; delete it")
-
-
-def _number(column: bytes) -> int:
-    """Return the number of a column from its letters: 28 for AB."""
-    return reduce(lambda number, letter: 26 * number + letter - 64, column, 0)
 
 
 def _write(cell: Any) -> str:

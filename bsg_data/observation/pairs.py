@@ -34,11 +34,6 @@ ROWS_PER_GROUP = 65_536
 _MOST = np.iinfo(np.uint16).max
 
 
-def fits_pairs(cells: Counts) -> bool:
-    """Say whether the pairs of cells `[N, C]` can be stored: at most 65,535 objects per class."""
-    return int(cells.sum(axis=0).max(initial=0)) <= _MOST
-
-
 def sample_pairs(
     cells: Counts,
     recipe: PairsRecipe,
@@ -79,11 +74,8 @@ def write_pairs(
     force: bool = False,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
-    left_out: Callable[[str], None] | None = None,
 ) -> Manifest:
     """Sample and write the pairs of every split, and return the new manifest.
-
-    A building whose counts do not fit the format (`fits_pairs`) gets no pairs.
 
     Args:
         dataset: a dataset with a split.
@@ -91,10 +83,10 @@ def write_pairs(
         force: replace existing pairs.
         executor: writes files in parallel; None writes them one by one in this process.
         progress: called with (files done, files in all).
-        left_out: called with the id of every building without pairs, in order.
 
     Raises:
-        DatasetError: if the dataset has no split, has pairs and not `force`, or cannot be written.
+        DatasetError: if the dataset has no split, has pairs and not `force`, cannot be written, or
+            has a building with more than 65,535 objects of a class.
     """
     dataset = Path(dataset)
 
@@ -116,10 +108,7 @@ def write_pairs(
         folder = dataset.absolute()  # a worker may run in another folder
         tasks = [(folder, data.sha256, name, scenes, recipe) for name, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
-        for scene in chain.from_iterable(scenes for _, scenes in written):
-            if left_out is not None:
-                left_out(scene)
-        staged = {name: entry for (name, _), (entry, _) in zip(plan, written, strict=True)}
+        staged = {name: entry for (name, _), entry in zip(plan, written, strict=True)}
         files = name_by_content(
             dataset, f"pairs/{recipe.mask.strategy}", dict(sorted(staged.items()))
         )
@@ -147,22 +136,13 @@ def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
 
 
 def _read_groups(data: Dataset, entry: FileEntry) -> Iterator[pa.Table]:
-    """Yield row groups of a file, with what of their first building was left before."""
+    """Yield the row groups of a file, some together; none of them divides a masked building."""
     with data.open_file(entry) as file:
         sizes = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
         turns = (np.cumsum([0, *sizes])[:-1] // ROWS_PER_GROUP).tolist()
-        rest: pa.Table | None = None
         for turn in dict.fromkeys(turns):
-            groups = [k for k, one in enumerate(turns) if one == turn]
-            table = file.read_row_groups(groups, use_threads=False)
-            table = table if rest is None else pa.concat_tables([rest, table])
-            starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
-            last = int(starts[-1]) if len(starts) else 0
-            if turn == turns[-1]:
-                last = len(table)
-            if last:
-                yield table.slice(0, last)
-            rest = table.slice(last)
+            groups = [k for k, other in enumerate(turns) if other == turn]
+            yield file.read_row_groups(groups, use_threads=False)
 
 
 def list_column(table: pa.Table, name: str) -> npt.NDArray[Any]:
@@ -186,18 +166,16 @@ def split_of_file(path: str) -> str:
 
 def _write_file(
     dataset: Path, sha256: str, name: str, scenes: tuple[str, ...], recipe: PairsRecipe
-) -> tuple[FileEntry, tuple[str, ...]]:
-    """Stage one file of pairs; return its entry and the scenes left out."""
+) -> FileEntry:
+    """Stage one file of pairs, and return its entry."""
     data = Dataset.open(dataset, sha256=sha256)
     space = data.manifest.class_space
     schema = pairs_schema(len(space.classes))
-    left_out = tuple(scene for scene in scenes if not fits_pairs(data.cells(scene)))
     batches = (
         _scene_batches(data, scene, split=split_of_file(name), recipe=recipe, schema=schema)
         for scene in scenes
-        if scene not in left_out
     )
-    entry = write_parquet(
+    return write_parquet(
         dataset,
         f"{STAGED}/{name}",
         _row_groups(batches),
@@ -205,7 +183,6 @@ def _write_file(
         class_space=space,
         pairs=recipe.model_dump_json(),
     )
-    return entry, left_out
 
 
 def _row_groups(scenes: Iterable[Iterable[pa.RecordBatch]]) -> Iterator[pa.Table]:
@@ -229,6 +206,9 @@ def _scene_batches(
 ) -> Iterator[pa.RecordBatch]:
     """Yield the pairs of a scene, as many draws at a time as `ROWS_PER_GROUP` rows hold."""
     cells, connections = data.cells(scene), data.connections(scene)
+    if (largest := int(cells.sum(axis=0).max(initial=0))) > _MOST:
+        message = f"{scene}: expected at most {_MOST:,} objects of a class, found {largest:,}"
+        raise DatasetError(f"{message}; build without it", code="building-too-large", where=scene)
     nodes = len(cells)
     at_once = max(1, ROWS_PER_GROUP // nodes)
     for first in range(0, recipe.draws, at_once):

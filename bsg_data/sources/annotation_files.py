@@ -1,4 +1,4 @@
-"""Find files of annotations, and read them as they were when they were listed."""
+"""Find files of annotations, and read them."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ from bsg_data.inputs.bounded_file import PACKED, hash_file, read_bytes
 from bsg_data.records import name_fault
 from bsg_data.scene.scene_graph import is_scene_id
 from bsg_data.sources.source import FoundScenes, SceneRef
+from bsg_data.words.shown import list_some
 
 _SHOWN = 120  # characters of a faulty line
+_SHOWN_COLUMNS = 20  # in a note
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
-_Content = TypeVar("_Content")
 _Read = TypeVar("_Read", bound=Callable[..., Any])
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -75,18 +76,10 @@ def list_files(
         files = [path] if path.name.endswith(suffixes) else []
     else:
         raise SourceError(f"{path}: no such file or folder", code="source-missing", where=path)
-    if not files and unreadable:
-        first = unreadable[0]
-        shown = os.fsencode(path).decode("utf-8", "backslashreplace")
-        raise SourceError(
-            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason}) "
-            f"and {len(unreadable) - 1:,} more; rename them or the folders above, or make them "
-            "readable",
-            code="source-unreadable",
-            where=shown,
-        )
     if not files:
-        raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
+        left_out = [f"{skip.location} ({skip.reason})" for skip in unreadable]
+        hint = f"; left out are {list_some(left_out, 1)}" if left_out else ""
+        raise SourceError(f"{path}: {expected}{hint}", code="source-empty", where=path)
     return files, tuple(unreadable)
 
 
@@ -94,7 +87,7 @@ def _walk(root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene])
     """Yield the files below a folder that are not hidden; follow links, but no loops."""
 
     def note(where: str, reason: str) -> None:
-        shown = os.path.relpath(where, root).encode("utf-8", "backslashreplace").decode()
+        shown = os.path.relpath(where, root)
         unreadable.append(SkippedScene(scene_id="-", location=shown, reason=reason))
 
     def fail(error: OSError) -> None:
@@ -126,8 +119,6 @@ def _why_not(path: Path) -> str | None:
     except OSError as error:
         require_lasting(error, path)
         return f"cannot be read ({error.strerror})"
-    if any("\ud800" <= c <= "\udfff" for c in str(path)):
-        return "its path is not UTF-8"
     return None
 
 
@@ -214,35 +205,16 @@ def state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def read_listed(root: Path, ref: SceneRef) -> tuple[Path, bytes]:
-    """Return the file of a scene, below a root or that itself, and what it held when listed."""
+def read_scene_file(root: Path, ref: SceneRef) -> tuple[Path, bytes]:
+    """Return the file of a scene, below a root or that itself, and its bytes."""
     path = root if root.is_file() else root / ref.location
-    require_fingerprint(path, fingerprint(path), ref.fingerprint)
     return path, read_bytes(path)
 
 
-def fetch_listed(
-    ref: SceneRef, path: Path, read: Callable[[], _Content], digest: Callable[[_Content], str]
-) -> _Content:
-    """Return what a file of many scenes says of one, which must be what was listed."""
-    where = f"{path}: {ref.location}"
-    try:
-        content = read()
-    except (SourceError, KeyError) as error:
-        raise _changed(where, f": {error}") from error
-    require_fingerprint(where, digest(content), ref.fingerprint)
-    return content
-
-
-def require_fingerprint(where: Path | str, found: str, expected: str) -> None:
-    """Refuse a file that changed after it was listed."""
-    if found != expected:
-        raise _changed(where, "")
-
-
-def _changed(where: Path | str, why: str) -> SourceChangedError:
-    message = f"{where}: changed after the scenes were listed{why}"
-    return SourceChangedError(message, code="source-changed", where=where)
+def skip_columns(path: Path, columns: Sequence[str]) -> tuple[SkippedScene, ...]:
+    """Return the note on the columns of a table that are not read, if there are any."""
+    reason = f"columns that are not read: {list_some(columns, _SHOWN_COLUMNS)}"
+    return (SkippedScene("all", path.name, reason),) if columns else ()
 
 
 def malformed(path: Path, number: int, line: str, *, expected: str) -> AnnotationError:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -12,12 +11,11 @@ import pyarrow as pa
 
 from bsg_data.arrays import Ints
 from bsg_data.dataset.scenes import OBJECT_COLUMNS, Objects, spread_boxes, spread_places
-from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import ADJACENCY_METHODS, Edge, Room, SceneGraph
+from bsg_data.scene.scene_graph import Edge, Room, SceneGraph
 from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.source import AnnotatedRoom, Annotation, SceneRef
 
@@ -42,10 +40,6 @@ def assemble(
     regions = np.array(annotation.regions, dtype=np.int64)
     rooms = np.union1d(regions[regions >= 0], np.array([*told], dtype=np.int64))
     room_of = {region: index for index, region in enumerate(rooms.tolist(), start=1)}
-    for fault in _find_faults(annotation, room_of):
-        raise SourceError(
-            f"{ref.location}: {fault}", code="annotation-impossible", where=ref.location
-        )
     graph = SceneGraph(
         scene_id=ref.scene_id,
         source=kind,
@@ -65,23 +59,6 @@ def assemble(
     )
     doors = [(room_of[a], room_of[b]) for a, b in annotation.doors]
     return connect(graph, doors, method=annotation.method) if doors else graph
-
-
-def _find_faults(annotation: Annotation, room_of: Mapping[int, int]) -> Iterator[str]:
-    """Yield what no building can have."""
-    if annotation.doors and annotation.method not in ADJACENCY_METHODS:
-        yield f"method {annotation.method!r}: expected one of {', '.join(ADJACENCY_METHODS)}"
-    for a, b in annotation.doors:
-        if a == b or not {a, b} <= room_of.keys():
-            yield f"a door from {a} to {b}: expected regions of two rooms"
-    for room in annotation.rooms:
-        if room.floor_area is not None and not 0 < room.floor_area < math.inf:
-            yield f"region {room.region}: expected a floor area above 0, found {room.floor_area}"
-    places = [point for point in annotation.centroids or () if point is not None]
-    boxes = [box for box in annotation.boxes or () if box is not None]
-    for point in (*places, *(end for box in boxes for end in (box.minimum, box.maximum))):
-        if len(point) != 3 or not all(map(math.isfinite, point)):
-            yield f"expected a place of three finite numbers, found {point}"
 
 
 def _set_levels(rooms: Iterable[Room]) -> tuple[Room, ...]:

@@ -26,7 +26,7 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import ForeignRecord, Keyed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.sources.annotation_files import SceneName, fetch_listed, once_for_each_state, validate
+from bsg_data.sources.annotation_files import SceneName, once_for_each_state, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -119,12 +119,7 @@ class _BehaviorRooms:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; the regions are its rooms, floor by floor, in the order of names."""
-        floors = fetch_listed(
-            ref,
-            self.path,
-            lambda: _join(_read_houses(self.path, self.as_listed)[ref.scene_id]),
-            _digest,
-        )
+        floors = _join(_read_houses(self.path, self.as_listed)[ref.scene_id])
         rooms: list[AnnotatedRoom] = []
         objects: list[tuple[int, str]] = []
         for number, listed in floors.items():

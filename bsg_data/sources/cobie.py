@@ -24,7 +24,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import is_understood, label_of
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 from bsg_data.scene.synonyms import UNKNOWN
-from bsg_data.sources.annotation_files import find_files, read_listed
+from bsg_data.sources.annotation_files import find_files, read_scene_file
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -93,7 +93,7 @@ class _CobieSheets:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; what refers to nothing is counted in the reading's `left_out`."""
-        path, data = read_listed(self.path, ref)
+        path, data = read_scene_file(self.path, ref)
         sheets = _read_sheets(data, path)
         spaces = _list_spaces(sheets["space"])
         if not spaces:

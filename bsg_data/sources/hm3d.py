@@ -10,14 +10,10 @@ class.
 from __future__ import annotations
 
 import hashlib
-import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import AnnotationError, SourceError
@@ -27,8 +23,6 @@ from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.inputs.documents import find_encoding
-from bsg_data.places import BUILD
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import (
     SPLITS,
@@ -36,8 +30,7 @@ from bsg_data.sources.annotation_files import (
     keep_one_copy,
     list_files,
     malformed,
-    read_listed,
-    require_fingerprint,
+    read_scene_file,
     require_lasting,
     show_line,
 )
@@ -62,12 +55,10 @@ MATTERPORT = Terms(
 _SUFFIXES = (".semantic.txt", "_semantic.txt")
 SYNTHETIC_MARK = "synthetic.json"
 HEADER = "HM3D Semantic Annotations"
-_ROWS = re.compile(  # id, colour or what stands there instead, name, region
-    r'^([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"\n]*)),"(.*)",(-?[0-9]{1,9})[^\S\n]*$', re.MULTILINE
+_ROW = re.compile(  # id, colour or what stands there instead, name, region
+    r'([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"]*)),"(.*)",(-?[0-9]{1,9})\s*'
 )
 _NO_TEXT = re.compile("[\udc80-\udcff]")  # a surrogate stands for a byte that is no UTF-8
-# ids, colours, names and regions
-_Columns = tuple[Sequence[int], pa.Array, Sequence[str], Sequence[int]]
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 _VERSION = re.compile(r"v([0-9]+\.[0-9]+)|^hm3d[-_]([0-9]+\.[0-9]+)$")
 _OF_HM3D = re.compile(r"hm3d.*|v[0-9]+\.[0-9]+", re.IGNORECASE)  # not every v1.0 above a root
@@ -94,7 +85,7 @@ class HM3DFolder:
 
     def __init__(self, path: AnyPath, meshes: bool = True, snap_colours: int | None = None) -> None:
         self.path, self.meshes, self.snap_colours = Path(path), meshes, snap_colours
-        self.kind = "synthetic" if _find_marks(self.path) else "hm3d"
+        self.kind = "synthetic" if _is_synthetic(self.path) else "hm3d"
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -118,7 +109,14 @@ class HM3DFolder:
             "the meshes"
         )
         listed, unreadable = list_files(self.path, (*_SUFFIXES, SYNTHETIC_MARK), expected=expected)
-        self._refuse_unfinished_or_mixed([one for one in listed if one.name == SYNTHETIC_MARK])
+        for mark in (one for one in listed if one.name == SYNTHETIC_MARK):
+            if self.kind != "synthetic":
+                raise SourceError(
+                    f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
+                    "either these or the real buildings",
+                    code="source-mixed",
+                    where=mark.parent,
+                )
         root = self.path.resolve().name
         found = keep_one_copy(
             [self._refer(file, root) for file in listed if file.name.endswith(_SUFFIXES)],
@@ -130,12 +128,11 @@ class HM3DFolder:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
-        path, data = read_listed(self.path, ref)
+        path, data = read_scene_file(self.path, ref)
         annotation, faults = parse_annotation(data, path=path)
         left_out = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         mesh = self._find_mesh(path)
-        require_fingerprint(path.with_suffix(".glb"), str(_state_of(mesh)), str(ref.geometry))
         if mesh is None:
             return Reading(graph, left_out=left_out)
         try:
@@ -155,23 +152,6 @@ class HM3DFolder:
         mesh = annotation.with_suffix(".glb")
         return mesh if self.meshes and (mesh.exists() or mesh.is_symlink()) else None
 
-    def _refuse_unfinished_or_mixed(self, below: list[Path]) -> None:
-        above = _find_marks(self.path)
-        for mark in (*above, *below):
-            if not above:
-                raise SourceError(
-                    f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
-                    "either these or the real buildings",
-                    code="source-mixed",
-                    where=mark.parent,
-                )
-            if (mark.parent / BUILD).is_dir():
-                raise SourceError(
-                    f"{mark.parent}: `bsg-data synth` was stopped; run it again",
-                    code="source-unfinished",
-                    where=mark.parent,
-                )
-
     def _refer(self, path: Path, root: str) -> SceneRef:
         relative = path.relative_to(self.path)
         suffix = next(suffix for suffix in _SUFFIXES if path.name.endswith(suffix))
@@ -190,15 +170,10 @@ class HM3DFolder:
         )
 
 
-def _find_marks(path: Path) -> list[Path]:
-    """Return the marks of synthetic buildings in a folder and above it."""
-    try:
-        links = [entry.path for entry in os.scandir(path) if entry.is_symlink()]
-    except OSError:  # `find` says why
-        links = []
-    real = map(resolve_links, [path, *map(Path, sorted(links)[:1])])  # buildings may be linked
-    above = dict.fromkeys((path, *(folder for one in real for folder in one.parents[:2])))
-    return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
+def _is_synthetic(path: Path) -> bool:
+    """Say whether a folder, or one of the two above it, has the mark of synthetic buildings."""
+    above = (path, *resolve_links(path).parents[:2])
+    return any((folder / SYNTHETIC_MARK).is_file() for folder in above)
 
 
 def _state_of(mesh: Path | None) -> str | None:
@@ -217,64 +192,43 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str,
     Raises:
         AnnotationError: if the first line is none of HM3D's, or no line is well-formed.
     """
-    first, _, below = data.decode(find_encoding(data), "surrogateescape").partition("\n")
+    first, _, below = data.decode("utf-8-sig", "surrogateescape").partition("\n")
     if HEADER not in first:
         raise malformed(path, 1, first, expected=repr(HEADER))
-    columns, faults = _read_whole(below), list[str]()
-    if columns is None:
-        columns, faults = _sift(below)
-    if columns is None and faults:
+    rows, faults = _read_rows(below)
+    if not rows and faults:
         raise AnnotationError(f"{path}, {faults[0]}", code="line-malformed", where=path)
-    if columns is None:
+    if not rows:
         raise malformed(path, 1, first, expected="at least one annotated instance below")
-    ids, colours, names, regions = columns
+    colours, names, regions = zip(*rows.values(), strict=True)
     sha256 = hashlib.sha256(data).hexdigest()
-    return Annotation(regions, names, ids=ids, colours=colours, sha256=sha256), tuple(faults)
+    return Annotation(regions, names, ids=[*rows], colours=colours, sha256=sha256), tuple(faults)
 
 
-def _read_whole(below: str) -> _Columns | None:
-    """Return the columns of lines without a fault; None if any line has one."""
-    rows = _ROWS.findall(below)
-    if len(rows) <= below.rstrip("\n").count("\n") or _NO_TEXT.search(below):
-        return None
-    digits, said, _, names, regions = zip(*rows, strict=True)
-    ids, colours = list(map(int, digits)), _pad(said)
-    is_whole = len(set(ids)) == len(colours.unique()) == len(rows) and "" not in said
-    return (ids, colours, names, list(map(int, regions))) if is_whole else None
-
-
-def _pad(colours: Sequence[str | None]) -> pa.Array:
-    """Return colours with all six digits."""
-    return pc.utf8_lpad(pc.utf8_upper(pa.array(colours, pa.string())), width=6, padding="0")
-
-
-def _sift(below: str) -> tuple[_Columns | None, list[str]]:
-    """Return the columns of well-formed lines, None without any, and what is wrong with lines."""
+def _read_rows(below: str) -> tuple[dict[int, tuple[str | None, str, int]], list[str]]:
+    """Return id → colour, name and region of well-formed lines, and what is wrong with lines."""
     rows: dict[int, tuple[str | None, str, int]] = {}
     faults: list[str] = []
     colours = {""}
     for number, line in enumerate(below.split("\n"), start=2):  # a name may hold a U+2028
-        match, expected = _ROWS.fullmatch(line), ""
-        if match is None or _NO_TEXT.search(line):
-            expected = _EXPECTED if match is None else "UTF-8 text"
-        elif int(match[1]) in rows:
-            expected = "an id of no earlier line"
-        if match is None or expected:
+        match, expected = _ROW.fullmatch(line), _EXPECTED
+        if match and _NO_TEXT.search(line):
+            match, expected = None, "UTF-8 text"
+        elif match and int(match[1]) in rows:
+            match, expected = None, "an id of no earlier line"
+        if match is None:
             if line.strip():
                 faults.append(f"line {number}: expected {expected}, found {show_line(line)}")
             continue
-        digits, said, other, name, region = match.groups(default="")
-        colour = said.upper().zfill(6) if said else ""
+        digits, digit_colour, other, name, region = match.groups(default="")
+        colour = digit_colour.upper().zfill(6) if digit_colour else ""
         if colour in colours:
             why = "expected a colour HEXRGB of no earlier line"
-            shown = (said or other)[:20]
+            shown = (digit_colour or other)[:20]
             faults.append(f"line {number}: {why}, found {shown!r}: kept without a colour")
         rows[int(digits)] = (None if colour in colours else colour, name, int(region))
         colours.add(colour)
-    if not rows:
-        return None, faults
-    found, names, regions = zip(*rows.values(), strict=True)
-    return (list(rows), _pad(found), names, regions), faults
+    return rows, faults
 
 
 def split_scene_id(scene_id: str) -> tuple[int | None, str]:

@@ -20,7 +20,6 @@ from bsg_data.inputs.text_table import parse_csv
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import (
     decode,
-    fetch_listed,
     keep_one_copy,
     malformed,
     once_for_each_state,
@@ -71,9 +70,7 @@ class _HM3DStatistics:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
-        lines = fetch_listed(
-            ref, self.path, lambda: _read_scene_lines(self.path)[ref.location], _digest
-        )
+        lines = _read_scene_lines(self.path)[ref.location]
         listed = [*_parse_scene(lines, path=self.path)]
         annotation = Annotation(
             [region for _, region, _ in listed],

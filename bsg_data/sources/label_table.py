@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.text_table import hint_separator, read_csv
-from bsg_data.words.nearest import nearest_names
-from bsg_data.words.shown import SHOWN, list_some, show_value
+from bsg_data.inputs.text_table import find_columns, read_csv
+from bsg_data.words.shown import SHOWN, show_value
 
-_NAMED = 20  # columns that an error names
 _Key = TypeVar("_Key")
 
 
@@ -34,7 +31,14 @@ def read_labels(
     """
     rows = read_csv(path)
     header = [name.strip() for name in next(rows, (0, list[str]()))[1]]
-    wanted = _find_columns(path, header, columns)
+    found = find_columns(
+        path,
+        header,
+        {name: (name, *others) for name, others in columns.items()},
+        required=tuple(columns),
+        rename="rename yours to {field}",
+    )
+    wanted = [found[name] for name in columns]
     labels: dict[_Key, tuple[str, str]] = {}
     for number, row in rows:
         if any(map(str.strip, row)):
@@ -53,27 +57,3 @@ def read_labels(
                     where=where,
                 )
     return labels, [name for column, name in enumerate(header) if column not in wanted]
-
-
-def _find_columns(
-    path: Path, header: Sequence[str], columns: Mapping[str, tuple[str, ...]]
-) -> list[int]:
-    """Return the number of each column, by the first of its names that is there."""
-    twice = next((name for name, times in Counter(header).items() if name and times > 1), None)
-    if twice:
-        said = f"the column {show_value(twice)} twice"
-        raise SourceError(f"{path}: {said}", code="column-twice", where=path)
-    found = []
-    for column, others in columns.items():
-        name = next((name for name in (column, *others) if name in header), None)
-        if name is None:
-            near = nearest_names(column, set(header) - set(columns), most=1)
-            hint = hint_separator(header) or (f"rename {near[0]} to {column}" if near else "")
-            raise SourceError(
-                f"{path}: no column {column!r}: expected {', '.join(columns)}; found "
-                f"{list_some(header, _NAMED) or 'none'}{hint and f'; {hint}'}",
-                code="column-missing",
-                where=path,
-            )
-        found.append(header.index(name))
-    return found

@@ -30,7 +30,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
+from bsg_data.sources.annotation_files import decode, find_files, malformed, read_scene_file
 from bsg_data.sources.assembly import assemble, connect
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -114,7 +114,7 @@ class _MatterportHouses:
 
         Regions of junk are no rooms, and their objects belong to the building.
         """
-        path, data = read_listed(self.path, ref)
+        path, data = read_scene_file(self.path, ref)
         house = _parse_house(data, path=path)
         boxes = [box for _, _, box in house.objects]
         annotation = Annotation(

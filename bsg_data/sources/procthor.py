@@ -33,7 +33,7 @@ from bsg_data.records import ForeignRecord, Listed, Position
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
+from bsg_data.sources.annotation_files import keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -143,14 +143,13 @@ class _ProcTHORHouses:
         """Read one house."""
         name, _, number = ref.location.rpartition(":")
         file = self.path / name if self.path.is_dir() else self.path
-        text = fetch_listed(ref, self.path, lambda: _fetch(file, int(number)), _digest)
-        house = _parse(text, ref.location)
+        house = _parse(_fetch(file, int(number)), ref.location)
         things = [*_unpack(house.objects)]
         annotation = Annotation(
             _find_regions(things, house.rooms),
             [_name_asset(thing.asset) for thing in things],
             centroids=[_upright(thing.position) for thing in things],
-            rooms=_describe_rooms(house, ref.location),
+            rooms=_describe_rooms(house),
             doors=_list_doors(house),
             method="door",
             building_kind="home",
@@ -284,24 +283,18 @@ def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[i
     return numbers
 
 
-def _describe_rooms(house: _House, where: str) -> list[AnnotatedRoom]:
+def _describe_rooms(house: _House) -> list[AnnotatedRoom]:
     tops: dict[str | None, float] = {}
     for wall in house.walls:
         highest = max((corner.y for corner in wall.polygon), default=-np.inf)
         tops[wall.room_id] = max(highest, tops.get(wall.room_id, highest))
-    return [_describe(room, tops.get(room.id, -np.inf), where) for room in house.rooms]
+    return [_describe(room, tops.get(room.id, -np.inf)) for room in house.rooms]
 
 
-def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
+def _describe(room: _Room, top: float) -> AnnotatedRoom:
     """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
     corners = np.array([_upright(corner) for corner in room.corners])
     area = measure_area([(x, y) for x, y, _ in corners])
-    if area is None:
-        raise SourceError(
-            f"{where}: rooms: {room.id}: its floorPolygon encloses nothing",
-            code="floor-empty",
-            where=where,
-        )
     floor = corners[:, 2].min()
     ends = np.vstack([corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)])
     return AnnotatedRoom(

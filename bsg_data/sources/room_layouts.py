@@ -17,8 +17,8 @@ from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.annotation_files import (
     fingerprint,
     list_files,
-    require_fingerprint,
     require_lasting,
+    skip_columns,
 )
 from bsg_data.sources.assembly import connect, place_room
 from bsg_data.sources.layout_files import (
@@ -38,7 +38,7 @@ from bsg_data.sources.source import (
 )
 from bsg_data.words.shown import list_some
 
-_SHOWN = 10  # region ids, or columns, in a message
+_SHOWN = 10  # region ids in a message
 _Named = tuple[str, Path]  # how a layout names its scene, and the file where it is
 _EXPECTED = (
     f"no room layout found; expected a folder with <scene id>.yaml or <scene id>{CONFIG_SUFFIX}, "
@@ -133,8 +133,6 @@ class WithLayouts(Wrapper):
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene and its layout; an unusable layout is left out, with the reason."""
         reading = self.source.read(ref, class_map)
-        where = f"{self.layouts}: the layout of {ref.scene_id}"
-        require_fingerprint(where, str(self._state_of(ref)), str(ref.layout))
         named = self._layout_of(ref)
         if named is None:
             return reading
@@ -158,9 +156,7 @@ class WithLayouts(Wrapper):
         path = self.layouts
         if _is_table(path):
             layouts, unread = read_layout_table(path)
-            reason = f"columns that are not read: {list_some(unread, _SHOWN)}"
-            skips = [SkippedScene("all", path.name, reason)] if unread else []
-            return [(scene, path) for scene in layouts], skips
+            return [(scene, path) for scene in layouts], [*skip_columns(path, unread)]
         files, left = list_files(path, SUFFIXES, expected=_EXPECTED)
         return [(_name_scene(file), file) for file in files], [*left]
 

@@ -18,7 +18,7 @@ from pydantic import Field, RootModel
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import Listed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.sources.annotation_files import fetch_listed, once_for_each_state, validate
+from bsg_data.sources.annotation_files import once_for_each_state, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -55,7 +55,7 @@ class _S3DISAreas:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one area."""
-        area = fetch_listed(ref, self.path, lambda: _read_areas(self.path)[ref.scene_id], _digest)
+        area = _read_areas(self.path)[ref.scene_id]
         regions = {room: region for region, room in enumerate(sorted({room for room, _ in area}))}
         annotation = Annotation(
             [regions[room] for room, _ in area],

@@ -9,7 +9,7 @@ from pathlib import Path
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.inputs.documents import require_json
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.sources.annotation_files import find_files, read_listed
+from bsg_data.sources.annotation_files import find_files, read_scene_file
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.dsg_file import DSGNode, parse_dsg
 from bsg_data.sources.label_space import LabelSpace, load_label_space, name_object
@@ -63,7 +63,7 @@ class _RobotGraphs:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
-        path, data = read_listed(self.path, ref)
+        path, data = read_scene_file(self.path, ref)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         space = self._space()

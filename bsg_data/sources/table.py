@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point
-from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy
+from bsg_data.sources.annotation_files import keep_one_copy, skip_columns
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -98,20 +97,16 @@ class _ObjectTable:
         raise SourceError(message, code="terms-missing", where=self.path)
 
     def find(self) -> FoundScenes:
-        """Find the scenes of the table; what is not read as it stands is listed as left out."""
-        scenes, notes = read_scenes(self.path, tuple(self.options.items()))
-        refs = [SceneRef(name, name, _digest(one)) for name, one in scenes.items()]
+        """Find the scenes of the table, and the columns that are not read."""
+        scenes, unread = read_scenes(self.path, tuple(self.options.items()))
+        refs = [SceneRef(name, name, _digest(scene)) for name, scene in scenes.items()]
         found = keep_one_copy(refs, path=self.path, expected="no row; expected an object a row")
-        return replace(
-            found, unused=tuple(SkippedScene("all", self.path.name, note) for note in notes)
-        )
+        return replace(found, unused=skip_columns(self.path, unread))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
         named = tuple(self.options.items())
-        rows, facts = fetch_listed(
-            ref, self.path, lambda: read_scenes(self.path, named)[0][ref.scene_id], _digest
-        )
+        rows, facts = read_scenes(self.path, named)[0][ref.scene_id]
         regions = _number_rooms(facts)
         listed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         listed.sort(key=lambda pair: (pair[0], pair[1].key))

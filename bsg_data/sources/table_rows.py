@@ -1,7 +1,6 @@
 """Read the rows of a table of objects, CSV or parquet, by buildings.
 
-Every different cell of a column is cleaned and checked once. Then buildings, and the rooms of each,
-get one name for all spellings of it.
+Every different cell of a column is cleaned and checked once.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from array import array
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -30,12 +28,11 @@ from pydantic import (
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.parquet import refusing_damage
-from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
+from bsg_data.inputs.text_table import SUFFIXES, find_columns, read_csv
 from bsg_data.records import Metres, name_fault
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import SceneName, once_for_each_state
-from bsg_data.words.nearest import ask_if_meant, nearest_names
-from bsg_data.words.shown import list_some
+from bsg_data.words.nearest import ask_if_meant
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
@@ -46,8 +43,7 @@ _WHOLE = re.compile(r"-?[0-9]+(\.0+)?")  # pandas writes 3.0 for 3 where a colum
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
 _LONGEST = 200  # characters of a name; the longest of HM3D has 61
 _MOST = 100_000  # objects of a row
-_NAMED = 5  # things in a note; the others are counted
-_SHOWN = 20  # columns in an error or a note
+_SHOWN = 20  # columns in an error or a hint
 # What `pandas.read_csv` takes for missing, and pandas' missing time.
 _MISSING = {
     *("", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN"),
@@ -127,41 +123,25 @@ Scene = tuple[Sequence[Row], Facts]
 def read_scenes(
     path: Path, named: tuple[tuple[str, int | str], ...]
 ) -> tuple[Mapping[str, Scene], Sequence[str]]:
-    """Read the scenes, and notes of what differs from the file.
+    """Read the scenes, in the order of their names, and the columns that are not read.
 
     Args:
         path: of the table.
         named: field and column, of those that the user named.
     """
-    name, notes = path.name.casefold(), Counter[str]()
+    name = path.name.casefold()
     if not name.endswith(_SUFFIXES):
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
         raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
     read = _read_parquet if name.endswith(".parquet") else _read_text
-    cells = read(path, {field: str(column) for field, column in named}, notes)
-    spelt: dict[str, list[Row]] = {}
-    for scene, row in _list_rows(cells, notes):
-        spelt.setdefault(scene, []).append(row)
-    names = _settle({spelling: len(rows) for spelling, rows in spelt.items()})
+    cells = read(path, {field: str(column) for field, column in named})
     scenes: dict[str, list[Row]] = {}
-    for spelling, scene in names.items():
-        scenes.setdefault(scene, []).extend(spelt.pop(spelling))
-    found: dict[str, Scene] = {}
-    several: list[str] = []  # rooms
-    for scene in sorted(scenes):
-        settled, rooms = _settle_rooms(scenes.pop(scene))
-        several += (f"{said} in {scene}" for said in _list_several(rooms))
-        found[scene] = settled, _gather_facts(settled, cells, scene)
-    said = [
-        ("columns that are not read", _hint_unread(cells), _SHOWN),
-        ("buildings of several spellings, each read as one", _list_several(names), _NAMED),
-        ("rooms of several spellings, each read as one", several, _NAMED),
-    ]
-    lists = [f"{what}: {list_some(things, most)}" for what, things, most in said if things]
-    return found, [
-        *lists,
-        *(f"{what}: {times:,}" for what, times in sorted(notes.items()) if times),
-    ]
+    for scene, row in _list_rows(cells):
+        scenes.setdefault(scene, []).append(row)
+    found = {
+        scene: (rows, _gather_facts(rows, cells, scene)) for scene, rows in sorted(scenes.items())
+    }
+    return found, _hint_unread(cells)
 
 
 @dataclass(frozen=True)
@@ -181,7 +161,7 @@ class _Cells:
         return f"{self.path}{within}, {place}"
 
 
-def _read_text(path: Path, named: Mapping[str, str], notes: Counter[str]) -> _Cells:
+def _read_text(path: Path, named: Mapping[str, str]) -> _Cells:
     rows = read_csv(path)
     _, names = next(rows, (0, list[str]()))
     header = [name.strip() for name in names]
@@ -190,8 +170,7 @@ def _read_text(path: Path, named: Mapping[str, str], notes: Counter[str]) -> _Ce
     codes = {field: array("q") for field in columns}
     read = [(words[field], codes[field], at) for field, at in columns.items()]
     for line, row in rows:
-        if row == names:
-            notes["rows that repeat the header, left out"] += 1  # tables that were joined
+        if row == names:  # of tables that were joined
             continue
         lines.append(line)
         for known, numbers, at in read:
@@ -199,7 +178,7 @@ def _read_text(path: Path, named: Mapping[str, str], notes: Counter[str]) -> _Ce
     return _Cells(path, header, columns, {field: [*words[field]] for field in words}, codes, lines)
 
 
-def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cells:
+def _read_parquet(path: Path, named: Mapping[str, str]) -> _Cells:
     words: dict[str, Sequence[Any]] = {}
     codes: dict[str, Sequence[int]] = {}
     with refusing_damage(path), pq.ParquetFile(path) as file:
@@ -219,40 +198,13 @@ def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cel
 
 
 def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
-    """Return field → number of its column, spelt as asked, else in other letters or spaces."""
-    folded = [*map(_fold, header)]
-    columns: dict[str, int] = {}
-    for field in FIELDS:
-        asked = named.get(field, field).strip()
-        same = [at for at, name in enumerate(header) if name == asked]
-        found = same or [at for at, name in enumerate(folded) if name == _fold(asked)]
-        if len(found) > 1:
-            shown = list_some([header[at] for at in found], _SHOWN)
-            message = f"{path}: the column {asked!r} twice, as {shown}"
-            raise SourceError(message, code="column-twice", where=path)
-        if found:
-            columns[field] = found[0]
-    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(columns)]
-    for field in (*named, *_REQUIRED, *chain.from_iterable(groups)):
-        if field not in columns:
-            raise _lack_column(path, field, named.get(field, field), header, columns)
-    return columns
-
-
-def _lack_column(
-    path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
-) -> SourceError:
-    near = nearest_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
-    hint = f"name yours by --option {field}=COLUMN"
-    if near:
-        hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"
-    return SourceError(
-        f"{path}: no column {asked!r}; {hint_separator(header) or hint}. Expected a header with "
-        f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "
-        f"{list_some(header, _SHOWN) or 'none'}",
-        code="column-missing",
-        where=path,
-    )
+    """Return field → number of its column; of a place, all columns must be there."""
+    wanted = {field: [named.get(field, field)] for field in FIELDS}
+    rename = "name yours by --option {field}=COLUMN"
+    found = find_columns(path, header, wanted, required=_REQUIRED, rename=rename)
+    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(found)]
+    required = tuple(dict.fromkeys((*named, *_REQUIRED, *chain.from_iterable(groups))))
+    return find_columns(path, header, wanted, required=required, rename=rename)
 
 
 def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]:
@@ -260,23 +212,22 @@ def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]
     return [name for number, name in enumerate(header) if number not in read]
 
 
-def _list_rows(cells: _Cells, notes: Counter[str]) -> Iterator[tuple[str, Row]]:
-    """Yield the rows that say something, each with its scene; count those that do not."""
+def _list_rows(cells: _Cells) -> Iterator[tuple[str, Row]]:
+    """Yield the rows that say something, each with its scene."""
     absent = [None] * len(cells.codes["scene"])
-    columns = [
-        _read_column(cells, field, notes) if field in cells.columns else absent for field in FIELDS
-    ]
-    for number, (scene, *said) in enumerate(zip(*columns, strict=True)):
-        room, category, count, label, floor, area, connected, *places = said
-        if said.count(None) == len(said):
-            # else the row is empty, as at the ends of spreadsheets
-            notes["rows of a building alone, left out"] += scene is not None
+    columns = {
+        field: _read_column(cells, field) if field in cells.columns else absent for field in FIELDS
+    }
+    _write_whole_numbers(columns, "scene")
+    _write_whole_numbers(columns, "room", "connected")
+    for number, values in enumerate(zip(*columns.values(), strict=True)):
+        if not any(value is not None for value in values):  # as at the ends of spreadsheets
             continue
-        for fault in _find_faults(scene, dict(zip(FIELDS[1:], said, strict=True))):
+        for fault in _find_faults(dict(zip(FIELDS, values, strict=True))):
             where = cells.where(number)
             raise SourceError(f"{where}: {fault}", code="row-malformed", where=where)
-        if count == 0 and room is None:
-            notes["rows of no object and no room (count is 0), left out"] += 1
+        scene, room, category, count, label, floor, area, connected, *places = values
+        if count == 0 and room is None:  # no object
             continue
         point, low, high = (tuple(places[at : at + 3]) for at in (0, 3, 6))
         centroid = None if None in point else point
@@ -286,10 +237,21 @@ def _list_rows(cells: _Cells, notes: Counter[str]) -> Iterator[tuple[str, Row]]:
         yield scene, Row(number, room or "", name, count or 1, *facts, centroid, box)
 
 
-def _find_faults(scene: str | None, said: Mapping[str, Any]) -> Iterator[str]:
+def _write_whole_numbers(columns: dict[str, list[Any]], field: str, lists: str = "") -> None:
+    """Take `.0` from the names in a column, and in one of lists of them, if all are numbers."""
+    listed = columns.get(lists, [])
+    names = {*columns[field], *chain.from_iterable(names or () for names in listed)} - {None}
+    if all(map(_WHOLE.fullmatch, names)):
+        whole = {name: name.partition(".")[0] for name in names}
+        columns[field] = [whole.get(name) for name in columns[field]]
+        if lists:
+            columns[lists] = [names and tuple(map(whole.get, names)) for names in listed]
+
+
+def _find_faults(said: Mapping[str, Any]) -> Iterator[str]:
     """Yield how the cells of a row do not fit together."""
     room, category, count = said["room"], said["category"], said["count"]
-    if scene is None:
+    if said["scene"] is None:
         yield "scene: expected the name of a building, found none"
     if room is None and category is None:
         yield "category: expected an object, or a room in the column room"
@@ -315,13 +277,12 @@ def _find_faults(scene: str | None, said: Mapping[str, Any]) -> Iterator[str]:
             yield f"{axis}: expected {low} to {high}, its box; found {value}"
 
 
-def _read_column(cells: _Cells, field: str, notes: Counter[str]) -> list[Any]:
+def _read_column(cells: _Cells, field: str) -> list[Any]:
     """Return what each row says in a column; an error names the first row of a cell."""
     codes = cells.codes[field]
-    times = Counter(codes)
-    words = [
-        _clean(word, field, notes, times[code]) for code, word in enumerate(cells.words[field])
-    ]
+    words = _clean(cells.words[field])
+    if field == "connected":
+        words = [_split(word) if isinstance(word, str) else word for word in words]
     try:
         checked = _COLUMNS[field].validate_python(words)
     except ValidationError as error:
@@ -333,72 +294,19 @@ def _read_column(cells: _Cells, field: str, notes: Counter[str]) -> list[Any]:
     return [checked[code] for code in codes]
 
 
-def _clean(cell: Any, field: str, notes: Counter[str], times: int) -> Any:
-    """Return what a cell says; None if nothing. All kinds of files come through here."""
-    if isinstance(cell, bytes):  # as some programs write text
-        cell = cell.decode("utf-8", "replace")
-    if isinstance(cell, str) and field == "connected":
-        said = (_clean(one, "", notes, times) for one in cell.split(";"))
-        return sorted(one for one in said if one is not None) or None
-    if isinstance(cell, str):
-        text = cell.strip()
-        if text in _MISSING:
-            if text:
-                notes[f"cells that say {text}, read as empty"] += times
-            return None
-        composed = unicodedata.normalize("NFC", text)
-        if composed != text:
-            notes["cells in another Unicode form, read as NFC"] += times
-        return composed
-    return None if cell is None or cell != cell else cell
+def _clean(cells: Sequence[Any]) -> list[Any]:
+    """Return what cells say; None if nothing. All kinds of files come through here."""
+    texts = (cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in cells)
+    words = (_compose(cell) if isinstance(cell, str) else cell for cell in texts)
+    return [None if word in _MISSING or word != word else word for word in words]
 
 
-def _settle(times: Mapping[str, int]) -> dict[str, str]:
-    """Return spelling → name, which is its most frequent spelling; whole numbers lose a `.0`.
-
-    >>> _settle({"Hall": 1, "hall": 2, "bath": 1}), _settle({"3.0": 1, "12.0": 1})
-    ({'Hall': 'hall', 'hall': 'hall', 'bath': 'bath'}, {'3.0': '3', '12.0': '12'})
-    """
-    is_whole = all(map(_WHOLE.fullmatch, times))
-    keys = {one: one.partition(".")[0] if is_whole else _fold(one) for one in times}
-    names: dict[str, str] = {}
-    for spelling in sorted(times, key=lambda one: (-times[one], one)):
-        names.setdefault(keys[spelling], keys[spelling] if is_whole else spelling)
-    return {spelling: names[key] for spelling, key in keys.items()}
+def _split(names: str) -> list[str] | None:
+    return sorted(name for name in _clean(names.split(";")) if name is not None) or None
 
 
-def _fold(name: str) -> str:
-    """Return the form by which names are compared: without case, spare spaces, unseen signs."""
-    if not name.isascii():
-        seen = "".join(c for c in name if unicodedata.category(c) != "Cf")
-        name = unicodedata.normalize("NFC", seen.casefold())
-    return " ".join(name.casefold().split())
-
-
-def _settle_rooms(rows: Sequence[Row]) -> tuple[Sequence[Row], dict[str, str]]:
-    """Return the rows of a building with one name for every room, and the names."""
-    times = Counter(row.room for row in rows if row.room)
-    times.update(chain.from_iterable(row.connected for row in rows))
-    names = _settle(times)
-    if all(spelling == name for spelling, name in names.items()):
-        return rows, names
-    renamed = (
-        row._replace(
-            room=names.get(row.room, ""), connected=tuple(names[other] for other in row.connected)
-        )
-        for row in rows
-    )
-    return [*renamed], names
-
-
-def _list_several(names: Mapping[str, str]) -> list[str]:
-    """Return the names that are no numbers and have several spellings, each with these."""
-    spellings: dict[str, list[str]] = {}
-    for spelling, name in sorted(names.items()):
-        if not _WHOLE.fullmatch(name):
-            spellings.setdefault(name, []).append(spelling)
-    several = {name: spelt for name, spelt in spellings.items() if len(spelt) > 1}
-    return [f"{name} ({list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
+def _compose(text: str) -> str:
+    return unicodedata.normalize("NFC", text.strip())
 
 
 def _hint_unread(cells: _Cells) -> list[str]:
@@ -427,10 +335,9 @@ def _take_facts(row: Row, facts: Facts) -> Iterator[tuple[str, str]]:
         if value is None:
             continue
         known = facts[row.room].setdefault(name, value)
-        if value != known and _fold(str(value)) != _fold(str(known)):
+        if value != known:
             said = f"expected {known!r} for room {row.room!r}, as an earlier one says"
             yield "rows-disagree", f"{name}: {said}; found {value!r}"
-        facts[row.room][name] = min(value, known)  # in whatever order the rows stand
     for other in row.connected:
         if other not in facts or other == row.room:
             said = f"expected names of other rooms with ; between them; found {other!r}"

@@ -61,16 +61,9 @@ def pairs(
     """
     mask |= {"strategy": mask.pop("mask"), "parts": hide_parts}
     recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(mask), draws=draws)
-    left_out: list[str] = []
     with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
         how: Any = {"force": force, "executor": executor, "progress": report}
-        manifest = bsg_data.write_pairs(dataset, recipe, left_out=left_out.append, **how)
-    if left_out:
-        buildings = "1 building gets" if len(left_out) == 1 else f"{len(left_out):,} buildings get"
-        print_note(
-            f"{buildings} no pairs, because a class has more than 65,535 objects there; the first "
-            f"is {left_out[0]}"
-        )
+        manifest = bsg_data.write_pairs(dataset, recipe, **how)
     is_recorded = warn_of_recordings(manifest)
     data = bsg_data.Dataset.open(dataset)
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))

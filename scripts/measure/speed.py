@@ -241,9 +241,9 @@ def measure_entries(_: Path, folder: Path) -> Iterator[Speed]:
 def measure_meshes(_: Path, folder: Path) -> Iterator[Speed]:
     """Yield what a build of full-size meshes takes beside trimesh reading them and their pixels."""
     sys.path.append(str(TESTS))
-    from painted_meshes import FULL, write_painted
+    from mesh_files import write_homes
 
-    write_painted(folder / "raw", scenes=MESHES, seed=0, size=FULL)
+    write_homes(folder / "raw", scenes=MESHES, quads=250, pixels=2048)
 
     def load() -> None:
         for file in sorted((folder / "raw").rglob("*.glb")):

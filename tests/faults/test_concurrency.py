@@ -7,18 +7,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from one_building import read_pairs
 
 from bsg_data import (
+    Dataset,
+    PairsRecipe,
     SplitRecipe,
     build_dataset,
     check_dataset,
     merge_datasets,
     read_manifest,
     split_dataset,
+    write_pairs,
     write_synthetic,
 )
 from bsg_data.errors import BSGError, DatasetError
@@ -81,3 +85,23 @@ def test_a_command_in_the_middle_of_another(
     assert len(refused) == (other in WRITERS)
     assert read_manifest(place / "dataset") == made
     assert check_dataset(place / "dataset") == ()
+
+
+def test_a_reader_beside_a_writer_gets_the_old_or_the_new_or_an_error(dataset: Path) -> None:
+    def read() -> tuple[object, ...]:
+        data = Dataset.open(dataset)
+        cells = [int(data.cells(scene).sum()) for scene in data.scene_ids]
+        rows = [len(read_pairs(data, split)) for split in data.require_splits()]
+        return cells, data.splits, rows
+
+    found = [read()]
+    with ThreadPoolExecutor(1) as pool:
+        for draws in (1, 2, 3):
+            work = pool.submit(write_pairs, dataset, PairsRecipe(draws=draws), force=True)
+            while not work.done():
+                with suppress(DatasetError):
+                    found.append(read())
+            old, new = found[0], read()
+            assert all(one in (old, new) for one in found)
+            assert old != new
+            found = [new]

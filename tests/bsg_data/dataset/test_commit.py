@@ -42,8 +42,8 @@ def pair_anew(dataset: Path) -> Manifest:
 
 
 def test_files_of_the_users_stay(dataset: Path) -> None:
-    """Also those that are called as ours; they are told, and stop what would remove them."""
-    mine = ("notes.txt", "pairs/uniform-0123abcd/val-00000.parquet", "rooms/part-99999.parquet")
+    """They are told, and stop what would remove them."""
+    mine = ("notes.txt", "pairs/mine.parquet", "rooms/part-99999.parquet")
     for name in mine:
         (dataset / name).parent.mkdir(exist_ok=True)
         (dataset / name).write_text("mine")

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from refusals import refuses
 
-from bsg_data.errors import SourceError
-from bsg_data.geometry.adjacency import MAX_ROOMS, connect_rooms
+from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph, SceneObject
 
 Corner = tuple[float, float, float]
@@ -86,12 +84,6 @@ def test_stairs_join_the_rooms_at_their_ends(owner: int) -> None:
     stairs = thing(3, owner, "stairs", (1, 1, 0), (4, 2, 2.9))
     found = methods(connect_rooms(graph([lower, upper], *floors, stairs)))
     assert found == {(1, 2): "stairs"}
-
-
-def test_more_rooms_than_a_building_has_are_refused() -> None:
-    many = [room(one, (0, 0, 0), (1, 1, 2)) for one in range(1, MAX_ROOMS + 2)]
-    with refuses(SourceError, "building-too-large", "s"):
-        connect_rooms(graph(many))
 
 
 def test_a_room_without_geometry_stays_alone() -> None:

@@ -6,6 +6,7 @@ import gzip
 import os
 import zipfile
 from contextlib import suppress
+from datetime import date
 from pathlib import Path
 
 import openpyxl
@@ -19,7 +20,7 @@ from refusals import refuses
 from bsg_data.errors import DatasetError, SourceError
 from bsg_data.inputs.bounded_file import read_bytes, read_member
 from bsg_data.inputs.parquet import refusing_damage
-from bsg_data.inputs.spreadsheet import _SheetRow, read_sheets
+from bsg_data.inputs.spreadsheet import read_sheets
 from bsg_data.inputs.text_table import parse_csv, read_csv
 
 
@@ -102,51 +103,15 @@ def test_a_table_of_text_has_the_last_line_of_each_row(tmp_path: Path) -> None:
         assert [*read_csv(tmp_path / "t.tsv.gz")] == [row for row in rows if row[1]]
 
 
-_MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-_LINK = (
-    '<Relationship Id="t" Type="http://schemas.openxmlformats.org/officeDocument/2006/relationships'
-    '/sharedStrings" Target="sharedStrings.xml"/></Relationships>'
-)
-_SHARED = (
-    f'<sst xmlns="{_MAIN}"><si><r><t>Na</t></r><rPh sb="0" eb="1"><t>nah</t></rPh><r><t>me</t></r>'
-    "</si></sst>"
-)
-
-
-def read_cells(path: Path, cells: str) -> list[_SheetRow]:
-    """Return the rows of a workbook with these cells, and with one text that cells share."""
-    book = openpyxl.Workbook()
-    book.active.title = "Space"
-    book.save(path)
-    with zipfile.ZipFile(path) as archive:
-        parts = {name: archive.read(name) for name in archive.namelist()}
-    sheet = f'<worksheet xmlns="{_MAIN}"><sheetData><row>{cells}</row></sheetData></worksheet>'
-    parts |= {"xl/worksheets/sheet1.xml": sheet.encode(), "xl/sharedStrings.xml": _SHARED.encode()}
-    links = "xl/_rels/workbook.xml.rels"
-    parts[links] = parts[links].replace(b"</Relationships>", _LINK.encode())
-    data = write_zip(path, **parts)
-    return [row for _, row in read_sheets(data, lambda title: title == "Space")]
-
-
-CELLS = {
-    '<c t="s"><v>0</v></c>': "Name",  # of runs, without how it is pronounced
-    '<c t="inlineStr"><is><t>a\n b</t></is></c>': "a b",
-    '<c t="str"><f>A1&amp;"x"</f><v>007</v></c>': "007",
-    "<c><v>1E2</v></c>": "100",
-    "<c><v>0.5</v></c>": "0.5",
-    '<c t="b"><v>1</v></c>': "True",
-    '<c t="d"><v>2026-01-02</v></c>': "2026-01-02",
-}
-
-
 def test_a_cell_is_the_text_that_programs_show(tmp_path: Path) -> None:
-    cells = "".join([*CELLS, '<c t="e"><v>#REF!</v></c>'])
-    assert read_cells(tmp_path / "a.xlsx", cells) == [dict(enumerate(CELLS.values()))]
-
-
-@pytest.mark.parametrize(
-    "cell", ['<c t="s"><v>99</v></c>', "</c>", '<c r="XFD1048576" t="b"><v>1</v></c>']
-)
-def test_a_damaged_sheet_is_a_value_error(tmp_path: Path, cell: str) -> None:
-    with pytest.raises(ValueError, match=r"."):
-        read_cells(tmp_path / "a.xlsx", cell)
+    book = openpyxl.Workbook()
+    book.active.append(["Name", "a\n b", "007", 1e2, 0.5, True, date(2026, 1, 2), None, "#REF!"])
+    book.create_sheet("other").append(["x"])
+    book.save(tmp_path / "a.xlsx")
+    data = (tmp_path / "a.xlsx").read_bytes()
+    texts = ["Name", "a b", "007", "100", "0.5", "True", "2026-01-02"]
+    ((title, row),) = read_sheets(data, lambda title: title == "Sheet")
+    assert (title, row) == ("Sheet", dict(enumerate(texts)))
+    for cut in (b"PK", data[: len(data) // 2]):
+        with pytest.raises(ValueError, match=r"."):
+            list(read_sheets(cut, lambda title: True))

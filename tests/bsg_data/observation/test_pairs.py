@@ -4,9 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from conftest import annotation_text, write_scene
@@ -99,24 +97,14 @@ def test_pairs_need_force_to_be_replaced(dataset: Path) -> None:
     assert read_manifest(dataset) == manifest
 
 
-def test_a_building_beyond_the_format_is_left_out_alone(
+def test_a_building_beyond_the_format_is_refused(
     dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data, before = Dataset.open(dataset), read_pairs(dataset, "train")
-    assert np.iinfo(np.uint16).max == 65535
-    most = {
-        scene: int(data.cells(scene).sum(axis=0).max()) for scene in read_splits(dataset)["train"]
-    }
-    largest = max(most, key=lambda scene: most[scene])
-    limit = sorted(most.values())[-2]
-    assert limit < most[largest]
-    monkeypatch.setattr("bsg_data.observation.pairs._MOST", limit)
-    recipe, left = read_manifest(dataset).pairs, []
-    assert recipe is not None
-    write_pairs(dataset, recipe, force=True, left_out=left.append)
-    assert largest in left
-    kept = before.filter(pc.invert(pc.is_in(before["scene_id"], pa.array(left))))
-    assert read_pairs(dataset, "train").equals(kept)
+    monkeypatch.setattr("bsg_data.observation.pairs._MOST", 10)
+    before = read_manifest(dataset)
+    with refuses(DatasetError, "building-too-large", "00006-abcdefghi06", golden=False):
+        write_pairs(dataset, PairsRecipe(), force=True)
+    assert read_manifest(dataset) == before
     assert check_dataset(dataset) == ()
 
 

@@ -1,19 +1,13 @@
-"""Files of annotations: walked without loops, read as they were listed, one for each building."""
+"""Files of annotations: walked without loops, one for each building."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from refusals import refuses
-
-from bsg_data.errors import AnnotationError, SourceChangedError
 from bsg_data.sources.annotation_files import (
-    decode,
-    fingerprint,
     keep_one_copy,
     list_files,
-    read_listed,
 )
 from bsg_data.sources.source import SceneRef
 
@@ -24,31 +18,14 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
         (tmp_path / name).write_text("")
     (tmp_path / "b" / "round").symlink_to(tmp_path)
     (tmp_path / "lost.house").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "zero.house").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe.house")
     found, unreadable = list_files(tmp_path, (".house",), expected="")
     assert [path.relative_to(tmp_path).as_posix() for path in found] == ["z.house", "b/a.house"]
     assert [(skip.location, skip.reason) for skip in unreadable] == [
-        ("lost.house", "not a file, or a link that leads nowhere")
+        (f"{name}.house", "not a file, or a link that leads nowhere")
+        for name in ("lost", "pipe", "zero")
     ]
-
-
-def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
-    path = tmp_path / "a"
-    path.write_text("1")
-    ref = SceneRef("a", "a", fingerprint(path))
-    assert read_listed(tmp_path, ref) == (path, b"1")
-    for content in ("2", "other"):
-        path.write_text(content)
-        os.utime(path, ns=(0, len(content)))
-        with refuses(SourceChangedError, "source-changed", path):
-            read_listed(tmp_path, ref)
-    path.unlink()
-    with refuses(SourceChangedError, "source-changed", path):
-        read_listed(tmp_path, ref)
-
-
-def test_the_line_that_is_no_text_is_named() -> None:
-    with refuses(AnnotationError, "line-malformed", "a.txt, line 2"):
-        decode(b"a\nb\xff", path=Path("a.txt"))
 
 
 def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:

@@ -87,7 +87,6 @@ HOUSES: list[Row] = [
     ("procthor", "half.json", b'[{}, {"a": 1', "json-malformed"),
     ("procthor", "bad.json", b'[{"rooms": \xff}]', "json-malformed"),
     ("procthor", "empty.jsonl", b"\n\n", "source-empty"),
-    ("procthor", "h.jsonl", _floor((0, 0), (1, 0), (2, 0)), "floor-empty"),
     ("procthor", "h.jsonl", _floor((0, 0), (1e9, 0), (2, 0)), "house-malformed"),
     ("procthor", "h.jsonl", _house(objects=[{"id": "4|0", "assetId": "B"}]), "house-malformed"),
     ("procthor", "h.jsonl", b'{"rooms": NaN}', "json-malformed"),
@@ -129,6 +128,7 @@ TABLES: list[Row] = [
             (b"scene,room,category\n,,\n", "source-empty"),
             (b"scene,room,category,count\na,,bed,0\n", "source-empty"),
             (b"scene,room,category\na,1\n", "row-ragged"),
+            (b"scene,room,category\na,,\n", "row-malformed"),
             (b'scene,room,category\na,1,"bed\n', "csv-malformed"),
             ("scene,room,category\n1,1,1\na,Küche,Herd\n".encode("cp1252"), "csv-malformed"),
         )

@@ -9,11 +9,9 @@ from typing import Any
 
 import pytest
 from conftest import SHARED
-from refusals import refuses
 
 from bsg_data.checks.graphs import find_faults
 from bsg_data.dataset.scenes import make_tables
-from bsg_data.errors import SourceChangedError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources import procthor
@@ -174,16 +172,6 @@ def test_houses_are_read_in_any_order(tmp_path: Path) -> None:
     for order in ([4, 0, 2, 2, 1], [3, 4, 0]):
         sizes = [len(source.read(scenes[n], class_map).graph.objects) for n in order]
         assert sizes == order
-
-
-def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
-    path = write_lines(tmp_path / "h.jsonl", house(), house(objects=[]))
-    source = open_source("procthor", path)
-    first, second = source.find().scenes
-    write_lines(path, house(doors=[]))
-    for number, ref in enumerate((first, second), start=1):
-        with refuses(SourceChangedError, "source-changed", f"{path}: h.jsonl:{number}"):
-            source.read(ref, load_class_map())
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,6 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.hm3d_stats import HEADER, MEMBER
 from bsg_data.sources.room_layouts import WithLayouts
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
 from bsg_data.synthetic.buildings import write_synthetic
@@ -182,20 +180,6 @@ def test_a_building_that_a_mesh_placed_takes_labels_and_connections_alone(
     # A room that the layout lacks keeps what the mesh gave it.
     methods = {(edge.source, edge.target): edge.method for edge in found.adjacency}
     assert methods == {(1, 2): "layout", (2, 3): "door"}
-
-
-def test_a_scene_id_does_not_lead_out_of_the_folder_of_layouts(tmp_path: Path) -> None:
-    (tmp_path / "layouts").mkdir()
-    for name in ("secret.yaml", "layouts/00006-aaaaaaaaaaa.yaml"):
-        (tmp_path / name).write_text(LAYOUT)
-    rows = [f"{scene},1,1,1,chair_1" for scene in ("../secret", "00006-aaaaaaaaaaa")]
-    with zipfile.ZipFile(tmp_path / "s.zip", "w") as archive:
-        archive.writestr(MEMBER, "\n".join([",".join(HEADER), *rows]) + "\n")
-    source = WithLayouts(open_source("hm3d-stats", tmp_path / "s.zip"), tmp_path / "layouts")
-    assert [(ref.scene_id, ref.layout is None) for ref in source.find().scenes] == [
-        ("../secret", True),
-        ("00006-aaaaaaaaaaa", False),
-    ]
 
 
 def test_labels_alone_leave_levels_terms_and_connections_as_the_source_says(tmp_path: Path) -> None:
