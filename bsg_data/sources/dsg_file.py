@@ -60,7 +60,7 @@ class _Attributes(ForeignRecord):
     position: _Triple | None = None
     semantic_label: _Small | None = None
     bounding_box: _BoundingBox | None = None
-    metadata: Any = None
+    metadata: dict[str, Any] | None = None
 
 
 class _Node(ForeignRecord):
@@ -237,7 +237,7 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
             position=_point(held.position),
             box=None if held.bounding_box is None else _enclose(held.bounding_box),
             room=room_of.get(node.id),
-            said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
+            said=_what_is_said((held.metadata or {}).get("bsg")),
         )
 
 

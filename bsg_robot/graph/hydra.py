@@ -147,29 +147,27 @@ def _count(objects: int) -> str:
     return "1 object" if objects == 1 else f"{objects:,} objects"
 
 
-def find_document(graph: Any) -> Any:
-    """Return the document of the belief graph that an annotation added; None without one."""
-    return (find_belief(graph) or {}).get("document")
-
-
-def find_belief(held: Any) -> dict[str, Any] | None:
-    """Return what an annotation added to a graph or a node; blind nodes are added as a whole."""
+def find_belief(holder: Any) -> dict[str, Any] | None:
+    """Return what an annotation added to a graph, or to the attributes of a node."""
     for key in _PATH:
-        held = held.get(key) if isinstance(held, dict) else None
-    if not isinstance(held, dict):
-        return None
-    return held if held.get("added") in _PATH or held.get("kind") == "blind" else None
+        holder = holder.get(key) if isinstance(holder, dict) else None
+    return holder if isinstance(holder, dict) else None
 
 
-def convert(path: Path) -> bytes:
-    """Return the JSON of a binary graph, as spark_dsg makes it."""
+def require_spark_dsg(path: Path) -> None:
+    """Refuse what only Hydra's own library can do, if it is not installed."""
     if importlib.util.find_spec("spark_dsg") is None:
         raise HydraError(
-            f"{path}: binary graphs need spark-dsg; save the graph as .json, or "
+            f"{path}: binary graphs, and beliefs in Hydra's graphs, need spark_dsg; use .json, or "
             f"{ask_to_install('hydra')}",
             code="library-missing",
             where=path,
         )
+
+
+def convert(path: Path) -> bytes:
+    """Return the JSON of a binary graph, as spark_dsg makes it."""
+    require_spark_dsg(path)
     with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
         written = Path(folder, "graph.json")
         # Isolated: never import modules from the working directory.
@@ -183,7 +181,7 @@ def convert(path: Path) -> bytes:
             raise HydraError(
                 f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
                 f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save the graph as .json",
-                code="binary-unloadable",
+                code="dsg-unloadable",
                 where=path,
             ) from error
 
