@@ -198,7 +198,9 @@ def _number(objects: list[Any]) -> list[Any]:
     return found
 
 
-def require_few(found: int, most: int, what: str, hint: str = "") -> None:
+def require_few(found: int, upper_bound: int, what: str) -> None:
     """Refuse more of something than a graph may have."""
-    if found > most:
-        raise RecipeError(f"expected at most {most:,} {what}, found {found:,}{hint}")
+    if found > upper_bound:
+        raise RecipeError(
+            f"expected at most {upper_bound:,} {what}, found {found:,}; leave some out"
+        )

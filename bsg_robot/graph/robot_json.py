@@ -32,18 +32,14 @@ docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeGuard
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    ValidationError,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
@@ -65,26 +61,10 @@ from bsg_data.inputs.documents import read_json
 from bsg_data.records import Keyed, Listed, SaidRecord, keep_one_unknown
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.room_label import (
-    Origin,
-    RoomReader,
-    check_own_label,
-    is_name,
-    list_all_labels,
-    normalise_room,
-    owner_of,
-    read_building_kind,
-    read_room_type,
-    say_again,
-    tell_building,
-)
-from bsg_data.scene.surroundings import (
-    BUILDING_KINDS,
-    SAID_KINDS,
-    find_floor_area,
-)
+from bsg_data.scene.room_label import check_own_label
+from bsg_data.scene.surroundings import find_floor_area
 from bsg_data.scene.synonyms import vocabulary_words
-from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.shown import SHOWN
 from bsg_models.belief.clock import Time, show_time
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
@@ -110,12 +90,10 @@ from bsg_models.belief.partial_graph import (
 )
 from bsg_robot.graph.map_forms import FORM, open_belief, require_few, spell_out
 from bsg_robot.graph.memory import MOST_IN_ALL, MOST_SIGHTINGS, MOST_THINGS, say_time, start_clock
+from bsg_robot.graph.room_kinds import understand_rooms
 from bsg_robot.things.things import classify_seen
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
-_OF_SOMEBODY = {"bedroom": 0.55, "child's bedroom": 0.4}  # a room that has somebody's name alone
-_MOST_WORDS = 5  # named in a note
-_TELLING = 2  # rooms that tell the kind of a building
 _ENTRIES = {
     "rooms": "room",
     "objects": "object",
@@ -224,77 +202,49 @@ class _Custom(SaidRecord):
 
 def _list_words(said: Any) -> Any:
     """Return the words of a detector: a list of them, or those of a published vocabulary."""
-    if isinstance(said, str) and said:
-        said = [*vocabulary_words(said)]
-    if isinstance(said, list | dict) and len(said) > MAX_ROBOT_WORDS:
-        raise ValueError(f"expected at most {MAX_ROBOT_WORDS:,} words, found {len(said):,}")
-    are_words = isinstance(said, list) and all(isinstance(word, str) for word in said)
-    return dict.fromkeys(said) if are_words else said
+    words = [*vocabulary_words(said)] if isinstance(said, str) and said else said
+    are_words = isinstance(words, list) and all(isinstance(word, str) for word in words)
+    return dict.fromkeys(words) if are_words else words
 
 
-def _count_parts(rooms: Any) -> Any:
-    """Refuse rooms that have too much in all, before any of it is read."""
-    listed = [room for room in rooms if isinstance(room, dict)] if _is_list(rooms) else []
-    corners = sum(len(one) for room in listed if _is_list(one := room.get("footprint")))
+def _require_bounds(document: Mapping[str, Any]) -> None:
+    """Refuse a document that has too much in all, before any of it is read."""
+    types = [*_values(document, "rooms", "room_type"), *_values(document, "rooms", "unread")]
+    kinds = [word for said in types for word in ([said] if isinstance(said, str) else _parts(said))]
+    corners = _count_parts(_values(document, "rooms", "footprint"))
+    sightings = _count_parts(_values(document, "memory", "sightings"))
+    letters = sum(map(len, _words(_values(document, "objects", "category"))))
+    sought = len(_words(_values(document, "looks", "thing")))
     require_few(corners, MAX_ALL_CORNERS, "corners of all footprints together")
-    types = [room.get(key) for room in listed for key in ("room_type", "unread")]
-    labels = sum(len(one) for one in types if isinstance(one, dict | list))
-    require_few(labels, MAX_ROBOT_TYPES, "labels of all room types together")
-    kinds: set[str] = set()
-    for one in types:
-        words = [one] if isinstance(one, str) else one if isinstance(one, dict | list) else ()
-        kinds.update(word for word in words if isinstance(word, str))
-    require_few(len(kinds), MAX_ROBOT_KINDS, "different labels of room types")
-    return rooms
-
-
-def _count_letters(objects: Any) -> Any:
-    """Refuse objects with too many long and different words."""
-    listed = objects if _is_list(objects) and len(objects) <= MAX_ROBOT_OBJECTS else ()
-    words = {
-        one["category"]
-        for one in listed
-        if isinstance(one, dict) and isinstance(one.get("category"), str)
-    }
-    what = "letters of different words for objects"
-    require_few(sum(map(len, words)), MAX_ROBOT_LETTERS, what)
-    return objects
-
-
-def _count_things(looks: Any) -> Any:
-    """Refuse looks for too many different things."""
-    listed = looks if _is_list(looks) and len(looks) <= MAX_ROBOT_LOOKS else ()
-    things = {
-        one["thing"]
-        for one in listed
-        if isinstance(one, dict) and isinstance(one.get("thing"), str)
-    }
-    what = "different things to look for"
-    require_few(len(things), MAX_ROBOT_SOUGHT, what, "; leave out old looks")
-    return looks
-
-
-def _count_sightings(memory: Any) -> Any:
-    """Refuse more sightings than a memory keeps."""
-    listed = [one for one in memory if isinstance(one, dict)] if _is_list(memory) else []
-    sightings = sum(len(one) for o in listed if _is_list(one := o.get("sightings")))
+    require_few(_count_parts(types), MAX_ROBOT_TYPES, "labels of all room types together")
+    require_few(len(_words(kinds)), MAX_ROBOT_KINDS, "different labels of room types")
+    require_few(letters, MAX_ROBOT_LETTERS, "letters of different words for objects")
+    require_few(sought, MAX_ROBOT_SOUGHT, "different things to look for")
     require_few(sightings, MOST_IN_ALL, "sightings of all things together")
-    return memory
+    for key in ("detector", "room_labels"):
+        require_few(len(_parts(document.get(key))), MAX_ROBOT_WORDS, f"words in `{key}`")
 
 
-def _count_own(said: Any) -> Any:
-    """Refuse a table of too many words for rooms."""
-    if isinstance(said, dict):
-        require_few(len(said), MAX_ROBOT_WORDS, "words for rooms")
-    return said
+def _values(document: Mapping[str, Any], entries: str, key: str) -> list[Any]:
+    """Return what the entries of a list have under a key, whatever it is."""
+    listed = _parts(document.get(entries))
+    return [entry[key] for entry in listed if isinstance(entry, dict) and key in entry]
+
+
+def _parts(said: Any) -> Collection[Any]:
+    return said if isinstance(said, list | tuple | dict) else ()
+
+
+def _count_parts(values: Iterable[Any]) -> int:
+    return sum(len(_parts(value)) for value in values)
+
+
+def _words(values: Iterable[Any]) -> set[str]:
+    return {value for value in values if isinstance(value, str)}
 
 
 def _check_own(said: Mapping[str, str | None]) -> Mapping[str, str | None]:
     return {word: check_own_label(word, label) for word, label in said.items()}
-
-
-def _is_list(said: Any) -> TypeGuard[list[Any] | tuple[Any, ...]]:
-    return isinstance(said, list | tuple)
 
 
 class _Graph(SaidRecord):
@@ -304,28 +254,19 @@ class _Graph(SaidRecord):
     hidden_share: StrictFraction | None = None
     building_kind: Text | None = None
     source: Id | None = None
-    rooms: Annotated[
-        Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS), BeforeValidator(_count_parts)
-    ]
-    objects: Annotated[
-        Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS), BeforeValidator(_count_letters)
-    ] = ()
+    rooms: Annotated[Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS)]
+    objects: Annotated[Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS)] = ()
     adjacency: Annotated[Listed[tuple[Id, Id]], Field(max_length=MAX_ROBOT_PAIRS)] = ()
     # A list of words, or the name of a vocabulary; or word → class, as `encode_robot_graph` writes.
     detector: Annotated[Keyed[Text, Text | None] | None, BeforeValidator(_list_words)] = None
-    looks: Annotated[
-        Listed[_Look], Field(max_length=MAX_ROBOT_LOOKS), BeforeValidator(_count_things)
-    ] = ()
+    looks: Annotated[Listed[_Look], Field(max_length=MAX_ROBOT_LOOKS)] = ()
     more_rooms: MoreRooms = None
     stays: Stay | None = None
     now: Time | None = None
-    memory: Annotated[
-        Listed[_Remembered], Field(max_length=MOST_THINGS), BeforeValidator(_count_sightings)
-    ] = ()
+    memory: Annotated[Listed[_Remembered], Field(max_length=MOST_THINGS)] = ()
     customs: Annotated[Listed[_Custom], Field(max_length=MAX_ROBOT_CUSTOMS)] = ()
     room_labels: Annotated[
         Keyed[Annotated[Text, Field(min_length=1)], Text | None],
-        BeforeValidator(_count_own),
         AfterValidator(_check_own),
     ] = Field(default_factory=dict)
     unread: Unread = ()
@@ -383,12 +324,12 @@ def parse_robot_graph(
     try:
         if isinstance(by, ClassSpace):  # as it was understood before
             document = open_belief(said)
-            return _assemble(_Graph.model_validate(document), by)
+            return _assemble(document, by)
         document = spell_out(said, path, keys=frozenset(_KEYS[""]))
         own = document.get("room_labels", {})
         if room_labels and isinstance(own, dict):  # as if the document said them
             document["room_labels"] = own | dict(room_labels)
-        return understand_rooms(_assemble(_Graph.model_validate(document), by))
+        return understand_rooms(_assemble(document, by))
     except ValidationError as error:
         why = _explain(error, document)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
@@ -396,7 +337,9 @@ def parse_robot_graph(
         raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
 
 
-def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
+def _assemble(said: Mapping[str, Any], by: ClassMap | ClassSpace) -> PartialGraph:
+    _require_bounds(said)
+    document = _Graph.model_validate(said)
     rooms: tuple[KnownRoom, ...] = document.rooms
     index = _number([room.name for room in rooms], "room")
     _number([obj.id for obj in document.objects], "object")
@@ -472,18 +415,13 @@ def _require_support(on: Mapping[str, str], room_of: Mapping[str, str | None]) -
     """Refuse an object on one that is not in its room, or on itself by any way."""
     for name, piece in on.items():
         _require_beside(f"object {name[:SHOWN]!r}", "on", piece, room_of[name], room_of)
-    sound: set[str] = set()
-    for name in on:
-        path: dict[str, None] = {}
-        while name in on and name not in sound:
-            if name in path:
-                raise RecipeError(
-                    f"object {name[:SHOWN]!r}: on: lies on itself, by {on[name][:SHOWN]!r}; say "
-                    "what is below"
-                )
-            path[name] = None
-            name = on[name]
-        sound.update(path)
+    try:
+        TopologicalSorter({name: (piece,) for name, piece in on.items()}).prepare()
+    except CycleError as error:
+        piece, name = error.args[1][:2]
+        raise RecipeError(
+            f"object {name[:SHOWN]!r}: on: lies on itself, by {piece[:SHOWN]!r}; say what is below"
+        ) from None
 
 
 def _require_beside(
@@ -579,8 +517,9 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
     `parse_robot_graph` reads it back, with the same class map or with the graph's class space.
     """
-    names, classes = [room.name for room in graph.rooms], graph.class_space.classes
-    said: dict[str, Any] = {
+    names = [None, *(room.name for room in graph.rooms)]
+    classes = [*graph.class_space.classes, None]
+    return {
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in _GRAPH_FACTS},
@@ -588,209 +527,66 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         "objects": [
             {
                 "id": obj.name,
-                "room": names[obj.room_index - 1] if obj.room_index else None,
+                "room": names[obj.room_index],
                 "category": obj.raw_category,
                 "corrected": obj.category,
-                "class": None if obj.class_index is None else classes[obj.class_index],
+                "class": classes[-1 if obj.class_index is None else obj.class_index],
                 "position": obj.position,
                 "score": obj.score,
-                **({} if obj.on is None else {"on": obj.on}),
-                **_encode_time(obj.time),
-                **({} if obj.stays is None else {"stays": obj.stays}),
+                **_only_said(on=obj.on, time=show_time(obj.time), stays=obj.stays),
             }
             for obj in graph.objects
         ],
-        "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
+        "adjacency": [[names[a], names[b]] for a, b in graph.adjacency],
+        **_only_said(
+            room_labels=dict(graph.room_labels) or None,
+            unread=[*graph.unread] or None,
+            looks=[_encode_look(look, names) for look in graph.looks] or None,
+            now=show_time(graph.now),
+            memory=[_encode_memory(thing, names) for thing in graph.memory] or None,
+            customs=[_encode_custom(custom, names) for custom in graph.customs] or None,
+            detector=None
+            if graph.detector is None
+            else {word: classes[-1 if c is None else c] for word, c in graph.detector},
+        ),
     }
-    if graph.room_labels:
-        said["room_labels"] = dict(graph.room_labels)
-    if graph.unread:
-        said["unread"] = [*graph.unread]
-    if graph.looks:
-        said["looks"] = [
-            {"room": names[one.room_index - 1], "thing": one.thing, "chance": one.chance}
-            | ({} if one.at is None else {"at": one.at})
-            | _encode_time(one.time)
-            for one in graph.looks
-        ]
-    if graph.now is not None:
-        said["now"] = show_time(graph.now)
-    rooms = [None, *names]
-    if graph.memory:
-        said["memory"] = [
-            {
-                "id": one.name,
-                "category": one.raw_category,
-                **({} if one.score is None else {"score": one.score}),
-                "sightings": [
-                    [show_time(seen.time), rooms[seen.room_index], seen.on]
-                    for seen in one.sightings
-                ],
-            }
-            for one in graph.memory
-        ]
-    if graph.customs:
-        said["customs"] = [
-            {"thing": one.thing, "room": rooms[one.room_index or 0], "at": one.at}
-            | ({"never": True} if one.never else {})
-            for one in graph.customs
-        ]
-    if graph.detector is not None:
-        said["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
-    return said
+
+
+def _only_said(**said: Any) -> dict[str, Any]:
+    return {key: value for key, value in said.items() if value is not None}
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
     facts = (name for name in (*_SHARE_WORDS, *_FACTS) if name not in ("unread", "time"))
-    said = {name: getattr(room, name) for name in facts}
-    said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
-    said |= {"unread": [*room.unread]} if room.unread else {}
-    return {"id": room.name, **said, **_encode_time(room.time)}
+    return {
+        "id": room.name,
+        **{name: getattr(room, name) for name in facts},
+        "box": None if room.box is None else [room.box.minimum, room.box.maximum],
+        **_only_said(unread=[*room.unread] or None, time=show_time(room.time)),
+    }
 
 
-def _encode_time(time: float | None) -> dict[str, Any]:
-    return {} if time is None else {"time": show_time(time)}
+def _encode_look(look: Look, rooms: Sequence[str | None]) -> dict[str, Any]:
+    said = {"room": rooms[look.room_index], "thing": look.thing, "chance": look.chance}
+    return said | _only_said(at=look.at, time=show_time(look.time))
+
+
+def _encode_memory(thing: Remembered, rooms: Sequence[str | None]) -> dict[str, Any]:
+    return {
+        "id": thing.name,
+        "category": thing.raw_category,
+        **_only_said(score=thing.score),
+        "sightings": [
+            [show_time(seen.time), rooms[seen.room_index], seen.on] for seen in thing.sightings
+        ],
+    }
+
+
+def _encode_custom(custom: Custom, rooms: Sequence[str | None]) -> dict[str, Any]:
+    said = {"thing": custom.thing, "room": rooms[custom.room_index or 0], "at": custom.at}
+    return said | _only_said(never=custom.never or None)
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:
     """Return category → number of objects, for categories that are not in the class map."""
     return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))
-
-
-def room_reader(graph: PartialGraph) -> RoomReader:
-    """Return what reads the names of a graph's rooms."""
-    return RoomReader(graph.room_labels, graph.building_kind)
-
-
-def understand_rooms(graph: PartialGraph) -> PartialGraph:
-    """Return a graph with what is said of its rooms and its kind in words that are known.
-
-    The name of a room says its kind if nothing else does. Where nobody says the kind of the
-    building, the rooms tell it: see `guess_building_kind`. A word that nobody can read says
-    nothing; it stays in `unread`.
-    """
-    said = say_again(graph.building_kind, graph.origins.get("", ()))
-    kind = read_building_kind(said) if isinstance(said, str) else None
-    is_unread = isinstance(said, str) and kind is None and is_name(said)
-    graph = _read_rooms(graph, kind)
-    origin = Origin(kind, str(said)) if kind and kind != normalise_room(str(said)) else None
-    names = (_list_names(room, graph.origins) for room in graph.rooms)
-    if kind is None and (origin := guess_building_kind(names)):
-        kind = origin.label
-        graph = _read_rooms(graph, kind)
-    return replace(
-        graph,
-        building_kind=kind,
-        unread=(str(said),) if is_unread else graph.unread,
-        origins={**graph.origins, "": (origin,) if origin else ()},
-    )
-
-
-def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
-    """Return the kind of building that its rooms tell, by the names of each; None if unclear.
-
-    Two rooms or more tell it, and more than half of all that tell one. Offices, which other
-    buildings have too, are heard last. A home is never guessed: an unknown kind is read as one.
-
-    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]]).label
-    'hospital'
-    >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
-    """
-    told: dict[str, list[str]] = {}
-    for names in rooms:
-        kind, name = next(
-            ((kind, name) for name in names if (kind := tell_building(name))), ("", "")
-        )
-        told.setdefault(kind, []).append(name)
-    told.pop("", None)
-    others = [names for kind, names in told.items() if kind not in ("home", "office")]
-    if any(len(names) >= _TELLING for names in others):
-        told.pop("office", None)
-    kind = max(told, key=lambda one: len(told[one]), default="home")
-    total = sum(map(len, told.values()))
-    if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
-        return None
-    return Origin(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
-
-
-def _read_rooms(graph: PartialGraph, kind: str | None) -> PartialGraph:
-    read = RoomReader(graph.room_labels, kind)
-    found = [_understand(room, graph.origins.get(room.name, ()), read) for room in graph.rooms]
-    origins = {room.name: said for room, said in found if said}
-    return replace(graph, rooms=tuple([room for room, _ in found]), origins=origins)
-
-
-def _understand(
-    room: KnownRoom, origins: tuple[Origin, ...], read: RoomReader
-) -> tuple[KnownRoom, tuple[Origin, ...]]:
-    """Return a room with the type that is said, and what that was read from."""
-    found = read_room_type(say_again(room.room_type, origins), read=read)
-    kind, origins = found.labels, found.origins
-    for name in filter(None, (room.label, room.name) if kind is None else ()):
-        known = read(name)
-        if known.label:
-            kind, origins = known.label, (Origin(known.label, name, known.rule, by_name=True),)
-            break
-    if kind is None and (owner_of(room.name) or owner_of(room.label or "")):
-        kind = dict(_OF_SOMEBODY)
-    return replace(room, room_type=kind, unread=found.unread or room.unread), origins
-
-
-def _list_names(room: KnownRoom, origins: Mapping[str, Sequence[Origin]]) -> list[str]:
-    """Return what may tell the kind of building: what was said of a room's type, and its names."""
-    kind = room.room_type
-    said = [one.said for one in origins.get(room.name, ())] if isinstance(kind, str) else []
-    return [name for name in (*said, kind, room.label, room.name) if isinstance(name, str)]
-
-
-def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
-    """Return what a person should know of the kinds of rooms and of the building."""
-    own = frozenset(word for word, _ in graph.room_labels)
-    return (*note_rooms(graph, graph.rooms, own=own), *note_building(graph))
-
-
-def note_rooms(
-    graph: PartialGraph, rooms: Sequence[KnownRoom], *, own: frozenset[str] = frozenset()
-) -> Iterator[str]:
-    """Yield how the names and types of rooms are read, where that is not plain.
-
-    `own` has words of the user, who knows what they mean.
-    """
-    origins = [one for room in rooms for one in graph.origins.get(room.name, ())]
-    if named := [one.said for one in origins if one.by_name and not one.rule]:
-        yield f"{_list(named)}: read as the kinds that their names say"
-    if ruled := {one.said: one for one in origins if one.rule}:
-        made = [f"{w[:SHOWN]!r} is {one.label} ({one.rule})" for w, one in ruled.items()]
-        yield f"kinds of rooms read by a rule: {_list(made)}"
-    silent = (room.label or room.name for room in rooms if room.room_type is None)
-    silent = (name for name in silent if name not in own)
-    unread = dict.fromkeys(word for room in rooms for word in room.unread)
-    if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
-        yield f"{_list(dark, _show_nearest)}: kind of room unknown; say `room_type`"
-
-
-def _show_nearest(name: str) -> str:
-    near = nearest_names(name, list_all_labels())
-    return repr(name[:SHOWN]) + (f" (nearest: {', '.join(near)})" if near else "")
-
-
-def note_building(graph: PartialGraph) -> Iterator[str]:
-    """Yield how the kind of a building was guessed, and whether models know it."""
-    kind = graph.building_kind
-    if graph.unread:
-        words = _list(graph.unread, lambda word: repr(word[:SHOWN]))
-        yield f"{words}: kind of building unknown; known are {', '.join(SAID_KINDS)}"
-    for one in graph.origins.get("", ()):
-        how = "by" if one.by_name else "for it is called"
-        yield (
-            f"building kind taken for `{kind}`, {how} {one.said[:SHOWN]}; say `building_kind` to "
-            "correct it"
-        )
-    if kind and kind not in BUILDING_KINDS:
-        yield f"building kind `{kind}`: no model was taught it; they read it as unknown"
-
-
-def _list(names: Sequence[str], show: Callable[[str], str] = str) -> str:
-    """Return the first names as they are shown, and how many more there are."""
-    more = f", and {len(names) - _MOST_WORDS:,} more" if len(names) > _MOST_WORDS else ""
-    return ", ".join(map(show, names[:_MOST_WORDS])) + more

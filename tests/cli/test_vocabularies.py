@@ -14,7 +14,7 @@ import pytest
 from asked_service import ask_service
 from click.testing import CliRunner
 from conftest import REPOSITORY
-from dsg_files import robot_graph, write_graph
+from dsg_files import robot_graph
 
 from bsg_cli.belief import main as belief
 from bsg_data.errors import RecipeError

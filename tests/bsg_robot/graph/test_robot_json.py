@@ -33,13 +33,11 @@ from bsg_robot.graph.reports import reclassify
 from bsg_robot.graph.robot_json import (
     RobotGraphError,
     encode_robot_graph,
-    guess_building_kind,
     list_unmapped,
-    note_room_types,
     parse_robot_graph,
     read_robot_graph,
-    understand_rooms,
 )
+from bsg_robot.graph.room_kinds import guess_building_kind, note_room_types, understand_rooms
 
 SAID: dict[str, Any] = {
     "scene_id": "home",
