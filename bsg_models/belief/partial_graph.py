@@ -50,12 +50,17 @@ MOST_MORE_ROOMS = 100
 _MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 
 
+def _plain(said: Any) -> Any:
+    """Return a value of NumPy as Python's."""
+    return said.tolist() if isinstance(said, np.generic | np.ndarray) else said
+
+
 def _read_number(said: object) -> object:
-    """Refuse what pydantic would take for a number, true, false and text; NumPy's become plain."""
-    said = said.item() if isinstance(said, np.generic) else said
-    if isinstance(said, bool) or not isinstance(said, Real):
-        raise ValueError(f"expected a number, found {show_value(said)}")
-    return said
+    """Refuse what pydantic would take for a number: true, false and text."""
+    number = _plain(said)
+    if isinstance(number, bool) or not isinstance(number, Real):
+        raise ValueError(f"expected a number, found {show_value(number)}")
+    return number
 
 
 def check_more_rooms(said: object) -> int | None:
@@ -66,7 +71,7 @@ def check_more_rooms(said: object) -> int | None:
     """
     if said is None or said is True:
         return said
-    number = 0 if said is False else said.item() if isinstance(said, np.generic) else said
+    number = 0 if said is False else _plain(said)
     if not isinstance(number, int) or not 0 <= number <= MOST_MORE_ROOMS:
         raise RecipeError(
             f"more_rooms: expected true or a whole number of 0 to {MOST_MORE_ROOMS:,}, found "
@@ -78,31 +83,31 @@ def check_more_rooms(said: object) -> int | None:
 
 def spell_id(said: Any) -> Any:
     """Return an id as text: a number is one, too."""
-    said = said.item() if isinstance(said, np.generic) else said
-    is_number = isinstance(said, int) and not isinstance(said, bool) and abs(said) < _MOST_ID
-    return str(said) if is_number else said
+    number = _plain(said)
+    is_number = isinstance(number, int) and not isinstance(number, bool)
+    return str(number) if is_number and abs(number) < _MOST_ID else number
 
 
 def _read_point(said: object) -> object:
     """Return a point as a list: of NumPy, or with names of its axes."""
     if isinstance(said, Mapping) and said.keys() in ({"x", "y"}, {"x", "y", "z"}):
         return [said[axis] for axis in sorted(said)]
-    return said.tolist() if isinstance(said, np.ndarray) else said
+    return _plain(said)
 
 
 def _read_position(said: object) -> object:
-    said = _read_point(said)
-    if isinstance(said, list | tuple) and len(said) != 3:
-        raise ValueError(f"expected [x, y, z] in metres, found {show_value(said)}")
-    return said
+    point = _read_point(said)
+    if isinstance(point, list | tuple) and len(point) != 3:
+        raise ValueError(f"expected [x, y, z] in metres, found {show_value(point)}")
+    return point
 
 
 def _read_flag(said: object) -> object:
     """Return true or false: also of NumPy, and as 1 or 0."""
-    said = said.item() if isinstance(said, np.generic) else said
-    if not isinstance(said, bool | int) or said not in (0, 1):
-        raise ValueError(f"expected true or false, found {show_value(said)}")
-    return bool(said)
+    flag = _plain(said)
+    if not isinstance(flag, bool | int) or flag not in (0, 1):
+        raise ValueError(f"expected true or false, found {show_value(flag)}")
+    return bool(flag)
 
 
 # What a robot's JSON may hold; `KnownRoom` in Python is trusted.
@@ -113,7 +118,7 @@ Metres = Annotated[float, Number, Field(ge=-MAX_METRES, le=MAX_METRES)]
 Footprint = Annotated[
     tuple[Annotated[tuple[Metres, Metres], BeforeValidator(_read_point)], ...],
     Field(min_length=3, max_length=MAX_CORNERS),
-    BeforeValidator(lambda said: said.tolist() if isinstance(said, np.ndarray) else said),
+    BeforeValidator(_plain),
 ]
 Position = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(_read_position)]
 _Corners = Annotated[
@@ -347,18 +352,18 @@ class PartialGraph:
 
     def __post_init__(self) -> None:
         """Let no node that shows something hide all."""
-        hidden = {number for number, room in enumerate(self.rooms, 1) if room.hidden_share == 1}
-        if self.hidden_share == 1 and any(obj.is_evidence for obj in self.objects):
-            object.__setattr__(self, "hidden_share", MOST_HIDDEN)
-        if not hidden:
+        full = {number for number, room in enumerate(self.rooms, 1) if room.hidden_share == 1}
+        if not full and self.hidden_share < 1:
             return
-        shown = {o.room_index for o in self.objects if o.room_index in hidden and o.is_evidence}
-        if shown:
-            rooms = tuple(
-                replace(room, hidden_share=MOST_HIDDEN) if number in shown else room
+        shown = {obj.room_index for obj in self.objects if obj.is_evidence}
+        if self.hidden_share == 1 and shown:
+            object.__setattr__(self, "hidden_share", MOST_HIDDEN)
+        if hidden := full & shown:
+            rooms = (
+                replace(room, hidden_share=MOST_HIDDEN) if number in hidden else room
                 for number, room in enumerate(self.rooms, 1)
             )
-            object.__setattr__(self, "rooms", rooms)
+            object.__setattr__(self, "rooms", tuple(rooms))
 
     def share_with(self, shares: Sequence[float]) -> float:
         """Return the hidden share of the building if its rooms have these shares, `[R]`.
@@ -471,10 +476,11 @@ def check_report(seen: _Report) -> _Report:
     Raises:
         RecipeError: for what no file could hold.
     """
-    said = {one.name: getattr(seen, one.name) for one in fields(seen)}
-    said["id"] = said.pop("name")
+    said = {field.name: getattr(seen, field.name) for field in fields(seen)}
     try:
-        checked: _Report = _adapter_of(is_room=isinstance(seen, KnownRoom)).validate_python(said)
+        checked: _Report = _adapter_of(is_room=isinstance(seen, KnownRoom)).validate_python(
+            {"id": said.pop("name"), **said}
+        )
         return checked
     except ValidationError as error:
         where = f"{'room' if isinstance(seen, KnownRoom) else 'object'} {show_value(seen.name)}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -181,4 +181,11 @@ def _read(path: Path) -> BeliefGraph:
     return decode_belief(read_json(path, BELIEF, error=BeliefFileError), path=path)
 
 
+def _write_page(beliefs: Iterable[BeliefGraph], path: Path) -> None:
+    from bsg_models.rendering.explorer import ShownBelief, write_explorer  # other formats need none
+
+    write_explorer([ShownBelief(belief) for belief in beliefs], path)
+
+
 JSON = FormatRow("json", (".json",), write=_write, read=_read)
+HTML = FormatRow("html", (".html", ".htm"), write_all=_write_page)

@@ -53,7 +53,7 @@ FORMATS = Registry(
     rows={
         "json": "bsg_robot.graph.document:JSON",
         "spark-dsg": "bsg_robot.graph.annotation:SPARK_DSG",
-        "html": "bsg_robot.graph.page:HTML",
+        "html": "bsg_robot.graph.document:HTML",
     },
 )
 

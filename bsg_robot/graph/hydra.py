@@ -16,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -43,44 +44,48 @@ _CODE = (
 _LISTED = 10  # labels in a note
 _PATH = ("metadata", "bsg", "belief")  # of a belief in a graph, or in a node's attributes
 _OURS = ("belief", "partial")  # keys of an annotation, and of facts of the graph
-_ASKED = 1000  # foreign keys in metadata that are compared with ours; more are somebody's data
+_COMPARED = 1000  # foreign keys in metadata that are compared with ours; more are somebody's data
 _TELLING = 5  # letters from which a similar key is no accident
-_Asked = set[tuple[str, tuple[str, ...]]]  # keys in metadata, and the ones they are compared with
 
 
 def describe_hydra(dsg: DSGFile, labels: LabelSpace | None, path: Path) -> dict[str, Any]:
     """Return Hydra's graph in the form of a robot's JSON; its metadata take precedence."""
-    asked: _Asked = set()
-    rooms = [_describe_room(room, path, asked) for room in dsg.rooms]
+    partial = dsg.said.get("partial")
+    graph = partial if isinstance(partial, dict) else {}
+    _refuse_misspelt({f"{path}: partial": graph}, GRAPH_WORDS)
+    for kind, nodes, keys in (
+        ("room", dsg.rooms, ROOM_WORDS),
+        ("object", dsg.objects, OBJECT_WORDS),
+    ):
+        _refuse_misspelt({f"{path}: {kind} {node.symbol!r}": node.said for node in nodes}, keys)
+    rooms = [_describe_room(room) for room in dsg.rooms]
     names = [room["id"] for room in rooms]
     return {
-        **_read_said(dsg.said.get("partial"), GRAPH_WORDS, asked, of=f"{path}: partial"),
+        **_take(graph, GRAPH_WORDS),
         "rooms": rooms,
-        "objects": [_describe_object(obj, names, labels, path, asked) for obj in dsg.objects],
+        "objects": [_describe_object(obj, names, labels) for obj in dsg.objects],
         "adjacency": [[names[a], names[b]] for a, b in dsg.adjacency],
     }
 
 
-def _describe_room(node: DSGNode, path: Path, asked: _Asked) -> dict[str, Any]:
+def _describe_room(node: DSGNode) -> dict[str, Any]:
     called = node.label_name or node.name
     return {
         "id": node.symbol,
         "label": called,
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **_read_said(node.said, ROOM_WORDS, asked, of=f"{path}: room {node.symbol!r}"),
+        **_take(node.said, ROOM_WORDS),
     }
 
 
-def _describe_object(
-    node: DSGNode, rooms: list[str], labels: LabelSpace | None, path: Path, asked: _Asked
-) -> dict[str, Any]:
+def _describe_object(node: DSGNode, rooms: list[str], labels: LabelSpace | None) -> dict[str, Any]:
     return {
         "id": node.symbol,
         "room": None if node.room is None else rooms[node.room],
         "category": _name_object(node, labels),
         "position": node.position,
-        **_read_said(node.said, OBJECT_WORDS, asked, of=f"{path}: object {node.symbol!r}"),
+        **_take(node.said, OBJECT_WORDS),
     }
 
 
@@ -91,21 +96,26 @@ def _name_object(node: DSGNode, labels: LabelSpace | None) -> str:
     return own if isinstance(own, str) and name in ("", f"label {node.label}") else name
 
 
-def _read_said(said: Any, keys: tuple[str, ...], asked: _Asked, *, of: str) -> dict[str, Any]:
-    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt.
-
-    A key of the user's is compared once in a graph, however many nodes have it.
-    """
-    said = said if isinstance(said, dict) else {}
-    for key in said:
-        if key in keys or key in _OURS or (key, keys) in asked or len(asked) >= _ASKED:
-            continue
-        asked.add((key, keys))
-        if hint := ask_if_meant(key, [one for one in keys if len(one) >= _TELLING]):
-            raise RobotGraphError(
-                f"{of}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=of
-            )
+def _take(said: Mapping[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
     return {key: said[key] for key in keys if key in said}
+
+
+def _refuse_misspelt(said: Mapping[str, Mapping[str, Any]], keys: tuple[str, ...]) -> None:
+    """Refuse keys in metadata that are nearly ours; all others are the user's.
+
+    A key is compared once in a graph, however many nodes have it.
+    """
+    foreign = {
+        key: where
+        for where, metadata in said.items()
+        for key in metadata
+        if key not in keys and key not in _OURS
+    }
+    for key, where in islice(foreign.items(), _COMPARED):
+        if hint := ask_if_meant(key, [word for word in keys if len(word) >= _TELLING]):
+            raise RobotGraphError(
+                f"{where}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=where
+            )
 
 
 def note_hydra(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:

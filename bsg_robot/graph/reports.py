@@ -9,6 +9,7 @@ from dataclasses import replace
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import has_stayed
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
@@ -64,10 +65,13 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     object does not say how much more the robot looked at; but a room that shows something does not
     hide all.
     """
-    graph = _give_id(graph, seen)
     known = next((obj for obj in graph.objects if obj.name == seen.name), None)
+    before = next((thing for thing in graph.memory if thing.name == seen.name), None)
+    if _is_other(seen, known, before, graph.class_space):  # another thing has the id now
+        objects = tuple(obj for obj in graph.objects if obj is not known)
+        memory = tuple(thing for thing in graph.memory if thing is not before)
+        graph, known, before = replace(graph, objects=objects, memory=memory), None, None
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
-    before = next((one for one in graph.memory if one.name == seen.name), None)
     last = known.time if known else before.sightings[-1].time if before else None
     if is_before(seen.time, last):
         return replace(graph, memory=remember(graph.memory, [seen]))
@@ -82,22 +86,14 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     return follow_rooms(graph, replace(graph, objects=(*others, seen), memory=memory))
 
 
-def _give_id(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
-    """Return the graph without what it remembers under an id that another thing has now."""
-    classes = [normalise_name(name) for name in graph.class_space.classes]
-    known = next((obj for obj in graph.objects if obj.name == seen.name), None)
-    before = next((one for one in graph.memory if one.name == seen.name), None)
+def _is_other(
+    seen: SeenObject, known: SeenObject | None, before: Remembered | None, space: ClassSpace
+) -> bool:
+    """Return whether a sighting is of another thing than the known one of its id."""
     if known is not None:
-        is_other = not _is_alike(known, seen, classes=classes)
-    else:
-        words = {normalise_name(one.raw_category) for one in (before, seen) if one is not None}
-        is_other = len(words) > 1
-    if not is_other:
-        return graph
-    return replace(
-        graph,
-        objects=tuple(obj for obj in graph.objects if obj is not known),
-        memory=tuple(one for one in graph.memory if one is not before),
+        return not _is_alike(known, seen, space)
+    return before is not None and normalise_name(before.raw_category) != normalise_name(
+        seen.raw_category
     )
 
 
@@ -294,18 +290,20 @@ def find_near(
         within: metres, between two that have a position; 0 keeps all apart.
         besides: ids of objects that it is not.
     """
-    best, near = None, within
-    classes = [normalise_name(name) for name in graph.class_space.classes]
-    for obj in graph.objects:
-        is_other = obj.room_index != seen.room_index or obj.name in besides
-        if is_other or not within or not _is_alike(obj, seen, classes=classes):
-            continue
-        far = within
-        if obj.position is not None and seen.position is not None:
-            far = math.dist(obj.position, seen.position)
-        if far <= near and (best is None or far < near):
-            best, near = obj, far
-    return best
+
+    def measure(obj: SeenObject) -> float:
+        places = (obj.position, seen.position)
+        return within if None in places else math.dist(*places)  # type: ignore[arg-type]
+
+    others = (
+        obj
+        for obj in graph.objects
+        if obj.room_index == seen.room_index
+        and obj.name not in besides
+        and _is_alike(obj, seen, graph.class_space)
+    )
+    nearest = min(others, key=measure, default=None)
+    return nearest if nearest and within and measure(nearest) <= within else None
 
 
 def find_moved(
@@ -328,9 +326,8 @@ def find_moved(
     """
     if gone := _find_gone(graph, seen, besides):
         return gone.name
-    classes = [normalise_name(name) for name in graph.class_space.classes]
     others = (obj for obj in graph.objects if obj.name not in besides)
-    still = at([obj for obj in others if _is_alike(obj, seen, classes=classes)])
+    still = at([obj for obj in others if _is_alike(obj, seen, graph.class_space)])
     moved = min(still, key=lambda name: still[name], default=None)
     return moved if moved is not None and still[moved] < EVIDENCE_SCORE else None
 
@@ -360,12 +357,15 @@ def _find_gone(
     return max(gone, key=lambda one: one.sightings[-1].time, default=None)
 
 
-def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -> bool:
+def _is_alike(obj: SeenObject, other: SeenObject, space: ClassSpace) -> bool:
     """Return whether two are of one class; a plate is no fork, if both are tableware."""
     if obj.class_index != other.class_index:
         return False
-    names = {normalise_name(one.category or one.raw_category) for one in (obj, other)}
-    return len(names) == 1 or (obj.class_index is not None and not names.isdisjoint(classes))
+    names = {normalise_name(thing.category or thing.raw_category) for thing in (obj, other)}
+    is_class = obj.class_index is not None and (
+        normalise_name(space.classes[obj.class_index]) in names
+    )
+    return len(names) == 1 or is_class
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
