@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -94,7 +94,6 @@ class _Graph(ForeignRecord):
     layer_names: Keyed[str, _LayerKey | _Small] = Field(default_factory=dict)
     layer_ids: Listed[_Small] = ()
     layer_keys: Listed[_LayerKey] = ()
-    mesh_layer_id: _Small | None = None
     metadata: _Metadata | None = None
 
 
@@ -146,9 +145,9 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     """Parse the JSON document of a Spark-DSG file; the path is named in errors."""
     expected = "a Spark-DSG graph"
     graph = validate(_Graph, document, where=path, expected=expected, code="dsg-malformed")
-    for fault in _find_faults(graph):
-        raise SourceError(f"{path}: {fault}", code="dsg-malformed", where=path)
     known = {node.id for node in graph.nodes}
+    if fault := _find_fault(graph, known):
+        raise SourceError(f"{path}: {fault}", code="dsg-malformed", where=path)
     edges = [edge for edge in graph.edges if edge.source in known and edge.target in known]
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     number_of = {node.id: number for number, node in enumerate(rooms)}
@@ -166,15 +165,14 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     )
 
 
-def _find_faults(graph: _Graph) -> Iterator[str]:
+def _find_fault(graph: _Graph, known: Collection[int]) -> str:
     if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
-        yield (
+        return (
             "expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph lists its "
             "layers, also one without nodes; our JSON has `rooms`"
         )
-    known = {node.id for node in graph.nodes}
-    if len(known) < len(graph.nodes):
-        yield "expected nodes with an id each, found an id twice"
+    twice = len(known) < len(graph.nodes)
+    return "expected nodes with an id each, found an id twice" if twice else ""
 
 
 def _what_is_said(entries: Any) -> dict[str, Any]:

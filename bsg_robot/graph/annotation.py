@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import string
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -133,22 +133,33 @@ def _add_belief(
     graph: Any, belief: BeliefGraph, rooms: Sequence[int], objects: Sequence[int | None]
 ) -> None:
     """Add a belief; `rooms` and `objects` are the nodes of its own, in its order."""
+    _say(graph, {"document": encode_belief(belief)})
+    classes = belief.partial.class_space.classes
+    counts = zip(rooms, belief.expected[1:].tolist(), belief.presence[1:].tolist(), strict=True)
+    for room, expected, presence in counts:
+        tables = {"expected": expected, "presence": presence}
+        said = {name: dict(zip(classes, row, strict=True)) for name, row in tables.items()}
+        _say(graph.get_node(room).attributes, said)
+    for node, obj in zip(objects, belief.partial.objects, strict=True):
+        if node is not None:
+            name = None if obj.class_index is None else classes[obj.class_index]
+            _say(graph.get_node(node).attributes, {"category": obj.category, "class": name})
+    if belief.blind:
+        _add_blind(graph, belief, rooms)
+
+
+def _add_blind(graph: Any, belief: BeliefGraph, rooms: Sequence[int]) -> None:
+    """Add the blind nodes, each at the position of its room."""
     import spark_dsg
 
-    _say(graph, {"document": encode_belief(belief)})
-    for number, said in _describe_nodes(belief, rooms, objects):
-        _say(graph.get_node(number).attributes, said)
-    if not belief.blind:
-        return
     if not graph.has_layer(_LAYER):
         graph.add_layer(_choose_layer(graph, rooms[0]), 0, _LAYER)
     taken = {node.id.category for node in graph.nodes}
     letter = next(letter for letter in _SYMBOLS if letter not in taken)
-    classes = belief.partial.class_space.classes
     for number, node in enumerate(belief.blind):
         room, symbol = rooms[node.room_index - 1], spark_dsg.NodeSymbol(letter, number)
         attributes = spark_dsg.ObjectNodeAttributes()
-        attributes.name = classes[node.class_index]
+        attributes.name = belief.partial.class_space.classes[node.class_index]
         attributes.position = graph.get_node(room).attributes.position
         attributes.color = _GREEN
         attributes.is_predicted = True
@@ -156,27 +167,6 @@ def _add_belief(
         _say(attributes, {"kind": "blind", **said, **({} if node.on is None else {"on": node.on})})
         graph.add_node(_LAYER, symbol, attributes)
         graph.insert_edge(room, symbol)
-
-
-def _describe_nodes(
-    belief: BeliefGraph, rooms: Sequence[int], objects: Sequence[int | None]
-) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield what is believed about each room and object, by its node."""
-    classes = belief.partial.class_space.classes
-    for room, expected, presence in zip(
-        rooms, belief.expected[1:].tolist(), belief.presence[1:].tolist(), strict=True
-    ):
-        yield (
-            room,
-            {
-                "expected": dict(zip(classes, expected, strict=True)),
-                "presence": dict(zip(classes, presence, strict=True)),
-            },
-        )
-    for node, obj in zip(objects, belief.partial.objects, strict=True):
-        if node is not None:
-            name = None if obj.class_index is None else classes[obj.class_index]
-            yield node, {"category": obj.category, "class": name}
 
 
 def _choose_layer(graph: Any, room: int) -> int:

@@ -94,14 +94,6 @@ from bsg_robot.graph.room_kinds import understand_rooms
 from bsg_robot.things.things import classify_seen
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
-_ENTRIES = {
-    "rooms": "room",
-    "objects": "object",
-    "adjacency": "pair of adjacency",
-    "looks": "look",
-    "memory": "remembered thing",
-    "customs": "custom",
-}
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _WORDS = {  # of JSON, where pydantic's are of Python's types
     "model_type": "expected a JSON object (docs/belief.md)",
@@ -272,13 +264,16 @@ class _Graph(SaidRecord):
     unread: Unread = ()
 
 
-_KEYS = {
-    "": tuple(_Graph.model_fields),
-    "rooms": ROOM_WORDS,
-    "objects": tuple(one.alias or name for name, one in _Object.model_fields.items()),
-    "looks": tuple(_Look.model_fields),
-    "memory": tuple(_Remembered.model_fields),
-    "customs": tuple(_Custom.model_fields),
+_KEYS = tuple(_Graph.model_fields)
+_ENTRIES: dict[
+    str, tuple[str, tuple[str, ...]]
+] = {  # key of a list → what an entry is called, and its keys
+    "rooms": ("room", ROOM_WORDS),
+    "objects": ("object", tuple(one.alias or name for name, one in _Object.model_fields.items())),
+    "adjacency": ("pair of adjacency", ()),
+    "looks": ("look", tuple(_Look.model_fields)),
+    "memory": ("remembered thing", tuple(_Remembered.model_fields)),
+    "customs": ("custom", tuple(_Custom.model_fields)),
 }
 
 
@@ -325,7 +320,7 @@ def parse_robot_graph(
         if isinstance(by, ClassSpace):  # as it was understood before
             document = open_belief(said)
             return _assemble(document, by)
-        document = spell_out(said, path, keys=frozenset(_KEYS[""]))
+        document = spell_out(said, path, keys=frozenset(_KEYS))
         own = document.get("room_labels", {})
         if room_labels and isinstance(own, dict):  # as if the document said them
             document["room_labels"] = own | dict(room_labels)
@@ -481,35 +476,39 @@ def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
     A key that is unknown comes first, for what is missing may stand under it.
     """
     faults = error.errors(include_url=False, include_input=False)
-    fault = next((one for one in faults if one["type"] in _UNKNOWN_KEY), faults[0])
-    what = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
-    if fault["type"] == "too_long":
-        what = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
-    first, *path = fault["loc"]
-    entry = ""
-    if first in _ENTRIES and path:
-        entry = _name_entry(document[first], str(first), int(path.pop(0)))
-    else:
-        path = [first, *path]
+    fault = next((fault for fault in faults if fault["type"] in _UNKNOWN_KEY), faults[0])
+    path, entry, known = [*fault["loc"]], "", _KEYS
+    if path[0] in _ENTRIES and len(path) > 1:
+        what, known = _ENTRIES[str(path[0])]
+        entry = _name_entry(what, document[str(path[0])], int(path[1]))
+        path = path[2:]
     if fault["type"] in _UNKNOWN_KEY:
-        wrong, known = str(path.pop()), _KEYS[str(first) if entry else ""]
-        hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
-        if entry and first == "rooms":
-            hint += f"; things of a room are a list: {FORM}"
-        what = f"{wrong[:SHOWN]!r} is no key; {hint}"
-        if not entry and isinstance(document.get(wrong), list):
-            what += f'; beside other keys, list the rooms under `rooms`: {{"rooms": {FORM}}}'
-    keys = ".".join(str(one)[:SHOWN] for one in path)
-    return ": ".join(filter(None, (entry, keys, what)))
+        reason = _explain_key(str(path.pop()), known, {} if entry else document)
+    elif fault["type"] == "too_long":
+        reason = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
+    else:
+        reason = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
+    keys = ".".join(str(key)[:SHOWN] for key in path)
+    return ": ".join(filter(None, (entry, keys, reason)))
 
 
-def _name_entry(entries: Any, kind: str, number: int) -> str:
+def _explain_key(key: str, known: Sequence[str], document: Mapping[str, Any]) -> str:
+    hint = ask_if_meant(key, known) or f"known are {', '.join(known)}"
+    if known is ROOM_WORDS:
+        hint += f"; things of a room are a list: {FORM}"
+    if isinstance(document.get(key), list):
+        hint += f'; beside other keys, list the rooms under `rooms`: {{"rooms": {FORM}}}'
+    return f"{key[:SHOWN]!r} is no key; {hint}"
+
+
+def _name_entry(what: str, entries: Any, number: int) -> str:
     """Return an entry of a list by its id, or by its number."""
-    entry = entries[number]
-    name = entry.get("id") if isinstance(entry, Mapping) else None
-    if isinstance(name, str) and name:
-        return f"{_ENTRIES[kind]} {name[:SHOWN]!r}"
-    return f"{_ENTRIES[kind]} number {number + 1}"
+    name = entries[number].get("id") if isinstance(entries[number], Mapping) else None
+    return (
+        f"{what} {name[:SHOWN]!r}"
+        if name and isinstance(name, str)
+        else f"{what} number {number + 1}"
+    )
 
 
 def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
