@@ -22,7 +22,7 @@ from bsg_robot.errors import HydraError
 from bsg_robot.graph.document import decode_belief, encode_belief, write_json
 from bsg_robot.graph.formats import FormatRow
 from bsg_robot.graph.graph_file import GraphFile, open_graph_file
-from bsg_robot.graph.hydra import find_belief, require_spark_dsg
+from bsg_robot.graph.hydra import convert, find_belief, require_spark_dsg
 
 _SYMBOLS = "xyz" + string.ascii_letters  # Hydra uses a, b, … for robots, and B, O, p, R, s, t
 _GREEN = np.array([0, 204, 0], dtype=np.uint8)  # of blind nodes in the paper's figures
@@ -56,10 +56,13 @@ def annotate_hydra(belief: BeliefGraph, original: AnyPath | GraphFile, path: Any
             where=path,
         )
     require_spark_dsg(file.path)
+    import spark_dsg
+
     with tempfile.TemporaryDirectory() as folder:
         plain, written = Path(folder, "original.json"), Path(folder, "annotated.json")
         write_json(file.document, plain)
-        graph = _load(plain, file.path)
+        plain.write_bytes(convert(plain, named=file.path))  # it can be loaded
+        graph = spark_dsg.DynamicSceneGraph.load(str(plain))
         _remove_belief(graph)
         _add_belief(graph, belief, rooms, objects)
         graph.save(str(written), include_mesh=True)
@@ -96,20 +99,6 @@ def _find_nodes(
         [rooms[room.name] for room in belief.partial.rooms],
         [objects.get(obj.name) for obj in belief.partial.objects],
     )
-
-
-def _load(plain: Path, path: Path) -> Any:
-    import spark_dsg
-
-    try:
-        return spark_dsg.DynamicSceneGraph.load(str(plain))
-    except RuntimeError as error:
-        raise HydraError(
-            f"{path}: expected a graph that spark_dsg can load, found {str(error)[:200]!r}; save "
-            "it by spark_dsg, or write a .json",
-            code="dsg-unloadable",
-            where=path,
-        ) from error
 
 
 def _remove_belief(graph: Any) -> None:

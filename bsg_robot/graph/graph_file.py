@@ -125,7 +125,7 @@ def _read_document(path: Path, named: Path) -> Any:
     if path.suffix == _BINARY:
         from bsg_robot.graph.hydra import convert  # as above
 
-        data = convert(path)
+        data = convert(path, named=path)
     if b"nodes" in data.replace(b"\0", b""):  # also in UTF-16
         document = require_json(data, named, once=False, is_bounded=True, error=RobotGraphError)
         if _is_dsg(document):

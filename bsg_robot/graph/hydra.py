@@ -175,9 +175,9 @@ def require_spark_dsg(path: Path) -> None:
         )
 
 
-def convert(path: Path) -> bytes:
-    """Return the JSON of a binary graph, as spark_dsg makes it."""
-    require_spark_dsg(path)
+def convert(path: Path, *, named: Path) -> bytes:
+    """Return the JSON of a graph, binary or not, as spark_dsg makes it; errors name a path."""
+    require_spark_dsg(named)
     with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
         written = Path(folder, "graph.json")
         # Isolated: never import modules from the working directory.
@@ -189,10 +189,10 @@ def convert(path: Path) -> bytes:
             return written.read_bytes()
         except (subprocess.SubprocessError, OSError) as error:
             raise HydraError(
-                f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
-                f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save the graph as .json",
+                f"{named}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
+                f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save it again by spark_dsg",
                 code="dsg-unloadable",
-                where=path,
+                where=named,
             ) from error
 
 
