@@ -110,7 +110,7 @@ class DSGNode:
     box: Box | None  # axis-aligned, around the node's own; metres; None without one
     room: int | None = None  # number of its room among the rooms; None without one, and for rooms
     # what its metadata say under `bsg`; empty without
-    said: Mapping[str, Any] = field(default_factory=dict)
+    bsg: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def symbol(self) -> str:
@@ -128,7 +128,7 @@ class DSGFile:
     links: int = 0  # edges between two objects, of which neither is the parent
     lost: int = 0  # edges to nodes that are not there, which are left out
     # what its metadata say under `bsg`; empty without
-    said: Mapping[str, Any] = field(default_factory=dict)
+    bsg: Mapping[str, Any] = field(default_factory=dict)
 
 
 def name_symbol(number: int) -> str:
@@ -161,7 +161,7 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         links=sum(edge.source in things and edge.target in things for edge in edges),
         lost=len(graph.edges) - len(edges),
-        said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
+        bsg=_as_mapping(graph.metadata.bsg if graph.metadata else None),
     )
 
 
@@ -175,7 +175,7 @@ def _find_fault(graph: _Graph, known: Collection[int]) -> str:
     return "expected nodes with an id each, found an id twice" if twice else ""
 
 
-def _what_is_said(entries: Any) -> dict[str, Any]:
+def _as_mapping(entries: Any) -> dict[str, Any]:
     return entries if isinstance(entries, dict) else {}
 
 
@@ -235,7 +235,7 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
             position=_point(held.position),
             box=None if held.bounding_box is None else _enclose(held.bounding_box),
             room=room_of.get(node.id),
-            said=_what_is_said((held.metadata or {}).get("bsg")),
+            bsg=_as_mapping((held.metadata or {}).get("bsg")),
         )
 
 

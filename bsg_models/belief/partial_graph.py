@@ -50,61 +50,61 @@ MOST_MORE_ROOMS = 100
 _MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 
 
-def _plain(said: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Return a value of NumPy as Python's."""
-    return said.tolist() if isinstance(said, np.generic | np.ndarray) else said
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
-def _read_number(said: object) -> object:
+def _read_number(value: object) -> object:
     """Refuse what pydantic would take for a number: true, false and text."""
-    number = _plain(said)
+    number = _plain(value)
     if isinstance(number, bool) or not isinstance(number, Real):
         raise ValueError(f"expected a number, found {show_value(number)}")
     return number
 
 
-def check_more_rooms(said: object) -> int | None:
+def check_more_rooms(value: object) -> int | None:
     """Return a number of rooms that are not found yet; True for as many as homes have.
 
     Raises:
         RecipeError: for what is no whole number.
     """
-    if said is None or said is True:
-        return said
-    number = 0 if said is False else _plain(said)
+    if value is None or value is True:
+        return value
+    number = 0 if value is False else _plain(value)
     if not isinstance(number, int) or not 0 <= number <= MOST_MORE_ROOMS:
         raise RecipeError(
             f"more_rooms: expected true or a whole number of 0 to {MOST_MORE_ROOMS:,}, found "
-            f"{show_value(said)}",
+            f"{show_value(value)}",
             code="more-rooms-impossible",
         )
     return number
 
 
-def spell_id(said: Any) -> Any:
+def spell_id(value: Any) -> Any:
     """Return an id as text: a number is one, too."""
-    number = _plain(said)
+    number = _plain(value)
     is_number = isinstance(number, int) and not isinstance(number, bool)
     return str(number) if is_number and abs(number) < _MOST_ID else number
 
 
-def _read_point(said: object) -> object:
+def _read_point(value: object) -> object:
     """Return a point as a list: of NumPy, or with names of its axes."""
-    if isinstance(said, Mapping) and said.keys() in ({"x", "y"}, {"x", "y", "z"}):
-        return [said[axis] for axis in sorted(said)]
-    return _plain(said)
+    if isinstance(value, Mapping) and value.keys() in ({"x", "y"}, {"x", "y", "z"}):
+        return [value[axis] for axis in sorted(value)]
+    return _plain(value)
 
 
-def _read_position(said: object) -> object:
-    point = _read_point(said)
+def _read_position(value: object) -> object:
+    point = _read_point(value)
     if isinstance(point, list | tuple) and len(point) != 3:
         raise ValueError(f"expected [x, y, z] in metres, found {show_value(point)}")
     return point
 
 
-def _read_flag(said: object) -> object:
+def _read_flag(value: object) -> object:
     """Return true or false: also of NumPy, and as 1 or 0."""
-    flag = _plain(said)
+    flag = _plain(value)
     if not isinstance(flag, bool | int) or flag not in (0, 1):
         raise ValueError(f"expected true or false, found {show_value(flag)}")
     return bool(flag)
@@ -476,10 +476,10 @@ def check_report(seen: _Report) -> _Report:
     Raises:
         RecipeError: for what no file could hold.
     """
-    said = {field.name: getattr(seen, field.name) for field in fields(seen)}
+    values = {field.name: getattr(seen, field.name) for field in fields(seen)}
     try:
         checked: _Report = _adapter_of(is_room=isinstance(seen, KnownRoom)).validate_python(
-            {"id": said.pop("name"), **said}
+            {"id": values.pop("name"), **values}
         )
         return checked
     except ValidationError as error:

@@ -85,7 +85,7 @@ def _find_nodes(
 ) -> tuple[list[int], list[int | None]]:
     """Return the ids in a file of the rooms and objects of a belief; None for those without one."""
     rooms, objects = (
-        {str(node.said.get("id", node.symbol)): node.id for node in nodes}
+        {str(node.bsg.get("id", node.symbol)): node.id for node in nodes}
         for nodes in (dsg.rooms, dsg.objects)
     )
     for name in (room.name for room in belief.partial.rooms if room.name not in rooms):
@@ -127,8 +127,8 @@ def _add_belief(
     counts = zip(rooms, belief.expected[1:].tolist(), belief.presence[1:].tolist(), strict=True)
     for room, expected, presence in counts:
         tables = {"expected": expected, "presence": presence}
-        said = {name: dict(zip(classes, row, strict=True)) for name, row in tables.items()}
-        _say(graph.get_node(room).attributes, said)
+        histograms = {name: dict(zip(classes, row, strict=True)) for name, row in tables.items()}
+        _say(graph.get_node(room).attributes, histograms)
     for node, obj in zip(objects, belief.partial.objects, strict=True):
         if node is not None:
             name = None if obj.class_index is None else classes[obj.class_index]
@@ -152,8 +152,15 @@ def _add_blind(graph: Any, belief: BeliefGraph, rooms: Sequence[int]) -> None:
         attributes.position = graph.get_node(room).attributes.position
         attributes.color = _GREEN
         attributes.is_predicted = True
-        said = {"class": attributes.name, "expected": node.expected, "presence": node.presence}
-        _say(attributes, {"kind": "blind", **said, **({} if node.on is None else {"on": node.on})})
+        expectation = {
+            "class": attributes.name,
+            "expected": node.expected,
+            "presence": node.presence,
+        }
+        _say(
+            attributes,
+            {"kind": "blind", **expectation, **({} if node.on is None else {"on": node.on})},
+        )
         graph.add_node(_LAYER, symbol, attributes)
         graph.insert_edge(room, symbol)
 

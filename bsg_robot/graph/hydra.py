@@ -50,14 +50,14 @@ _TELLING = 5  # letters from which a similar key is no accident
 
 def describe_hydra(dsg: DSGFile, labels: LabelSpace | None, path: Path) -> dict[str, Any]:
     """Return Hydra's graph in the form of a robot's JSON; its metadata take precedence."""
-    partial = dsg.said.get("partial")
+    partial = dsg.bsg.get("partial")
     graph = partial if isinstance(partial, dict) else {}
     _refuse_misspelt({f"{path}: partial": graph}, GRAPH_WORDS)
     for kind, nodes, keys in (
         ("room", dsg.rooms, ROOM_WORDS),
         ("object", dsg.objects, OBJECT_WORDS),
     ):
-        _refuse_misspelt({f"{path}: {kind} {node.symbol!r}": node.said for node in nodes}, keys)
+        _refuse_misspelt({f"{path}: {kind} {node.symbol!r}": node.bsg for node in nodes}, keys)
     rooms = [_describe_room(room) for room in dsg.rooms]
     names = [room["id"] for room in rooms]
     return {
@@ -75,7 +75,7 @@ def _describe_room(node: DSGNode) -> dict[str, Any]:
         "label": called,
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **_take(node.said, ROOM_WORDS),
+        **_take(node.bsg, ROOM_WORDS),
     }
 
 
@@ -85,19 +85,19 @@ def _describe_object(node: DSGNode, rooms: list[str], labels: LabelSpace | None)
         "room": None if node.room is None else rooms[node.room],
         "category": _name_object(node, labels),
         "position": node.position,
-        **_take(node.said, OBJECT_WORDS),
+        **_take(node.bsg, OBJECT_WORDS),
     }
 
 
 def _name_object(node: DSGNode, labels: LabelSpace | None) -> str:
     """Return the name of an object; the one of our own annotation if nobody else names it."""
-    name, belief = name_object(node, labels), node.said.get("belief")
+    name, belief = name_object(node, labels), node.bsg.get("belief")
     own = belief.get("category") if isinstance(belief, dict) else None
     return own if isinstance(own, str) and name in ("", f"label {node.label}") else name
 
 
-def _take(said: Mapping[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
-    return {key: said[key] for key in keys if key in said}
+def _take(metadata: Mapping[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
+    return {key: metadata[key] for key in keys if key in metadata}
 
 
 def _refuse_misspelt(said: Mapping[str, Mapping[str, Any]], keys: tuple[str, ...]) -> None:
@@ -133,9 +133,7 @@ def note_hydra(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
     if dsg.lost:
         edges = "1 edge" if dsg.lost == 1 else f"{dsg.lost:,} edges"
         yield f"{edges} left out: a node of each is not in the file"
-    bare = [
-        obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.said)
-    ]
+    bare = [obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.bsg)]
     labelled = [obj for obj in bare if obj.label is not None]
     named = Counter((obj.label, _name_object(obj, labels)) for obj in labelled)
     found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")

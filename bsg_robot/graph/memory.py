@@ -50,7 +50,7 @@ def _set_clock(graph: PartialGraph, time: float) -> PartialGraph:
         )
         for thing in graph.memory
     )
-    dated = _date(graph, time, lambda said: None if said is None else read_time(said + by))
+    dated = _date(graph, time, lambda seen: None if seen is None else read_time(seen + by))
     return replace(dated, memory=tuple(memory))
 
 
@@ -73,10 +73,10 @@ def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
 
 def _find_latest(graph: PartialGraph) -> float | None:
     """Return the time of the last report; None if no report has one."""
-    said = [seen.time for one in graph.memory for seen in one.sightings]
+    times = [seen.time for thing in graph.memory for seen in thing.sightings]
     for parts in (graph.objects, graph.rooms, graph.looks):
-        said += [part.time for part in parts if part.time is not None]
-    return max(said, default=None)
+        times += [part.time for part in parts if part.time is not None]
+    return max(times, default=None)
 
 
 def say_time(
@@ -125,7 +125,7 @@ def _date(
         graph,
         now=now,
         objects=tuple(replace(obj, time=date(obj.time)) for obj in graph.objects),
-        rooms=tuple(replace(o, time=date(o.time) if o.visited else None) for o in graph.rooms),
+        rooms=tuple(replace(r, time=date(r.time) if r.visited else None) for r in graph.rooms),
         looks=tuple(replace(look, time=date(look.time)) for look in graph.looks),
     )
 

@@ -102,7 +102,7 @@ _WORDS = {  # of JSON, where pydantic's are of Python's types
     "dict_type": "expected a JSON list of words",
     "missing": f"is missing (docs/belief.md); the simplest map is {FORM}",
 }
-_ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
+_ROOM_FIELDS = tuple(field.name for field in fields(KnownRoom))
 _SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
 _FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS))
 _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
@@ -192,9 +192,9 @@ class _Custom(SaidRecord):
     never: bool = False
 
 
-def _list_words(said: Any) -> Any:
+def _list_words(detector: Any) -> Any:
     """Return the words of a detector: a list of them, or those of a published vocabulary."""
-    words = [*vocabulary_words(said)] if isinstance(said, str) and said else said
+    words = [*vocabulary_words(detector)] if isinstance(detector, str) and detector else detector
     are_words = isinstance(words, list) and all(isinstance(word, str) for word in words)
     return dict.fromkeys(words) if are_words else words
 
@@ -223,8 +223,8 @@ def _values(document: Mapping[str, Any], entries: str, key: str) -> list[Any]:
     return [entry[key] for entry in listed if isinstance(entry, dict) and key in entry]
 
 
-def _parts(said: Any) -> Collection[Any]:
-    return said if isinstance(said, list | tuple | dict) else ()
+def _parts(value: Any) -> Collection[Any]:
+    return value if isinstance(value, list | tuple | dict) else ()
 
 
 def _count_parts(values: Iterable[Any]) -> int:
@@ -235,8 +235,8 @@ def _words(values: Iterable[Any]) -> set[str]:
     return {value for value in values if isinstance(value, str)}
 
 
-def _check_own(said: Mapping[str, str | None]) -> Mapping[str, str | None]:
-    return {word: check_own_label(word, label) for word, label in said.items()}
+def _check_own(labels: Mapping[str, str | None]) -> Mapping[str, str | None]:
+    return {word: check_own_label(word, label) for word, label in labels.items()}
 
 
 class _Graph(SaidRecord):
@@ -269,7 +269,7 @@ _ENTRIES: dict[
     str, tuple[str, tuple[str, ...]]
 ] = {  # key of a list → what an entry is called, and its keys
     "rooms": ("room", ROOM_WORDS),
-    "objects": ("object", tuple(one.alias or name for name, one in _Object.model_fields.items())),
+    "objects": ("object", tuple(f.alias or name for name, f in _Object.model_fields.items())),
     "adjacency": ("pair of adjacency", ()),
     "looks": ("look", tuple(_Look.model_fields)),
     "memory": ("remembered thing", tuple(_Remembered.model_fields)),
@@ -298,12 +298,12 @@ def read_robot_graph(
         RobotGraphError: naming the file, the entry, and what was expected there.
     """
     path = Path(path)
-    said = read_json(path, ROBOT, error=RobotGraphError)
-    return parse_robot_graph(said, path=path, class_map=class_map, room_labels=room_labels)
+    document = read_json(path, ROBOT, error=RobotGraphError)
+    return parse_robot_graph(document, path=path, class_map=class_map, room_labels=room_labels)
 
 
 def parse_robot_graph(
-    said: Any,
+    document: Any,
     *,
     path: Path,
     class_map: AnyPath | ClassMap | ClassSpace = DEFAULT_CLASS_MAP,
@@ -315,95 +315,94 @@ def parse_robot_graph(
     `encode_robot_graph` made.
     """
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
-    document: Any = {}
+    ours: Any = {}
     try:
         if isinstance(by, ClassSpace):  # as it was understood before
-            document = open_belief(said)
-            return _assemble(document, by)
-        document = spell_out(said, path, keys=frozenset(_KEYS))
-        own = document.get("room_labels", {})
+            ours = open_belief(document)
+            return _assemble(ours, by)
+        ours = spell_out(document, path, keys=frozenset(_KEYS))
+        own = ours.get("room_labels", {})
         if room_labels and isinstance(own, dict):  # as if the document said them
-            document["room_labels"] = own | dict(room_labels)
-        return understand_rooms(_assemble(document, by))
+            ours["room_labels"] = own | dict(room_labels)
+        return understand_rooms(_assemble(ours, by))
     except ValidationError as error:
-        why = _explain(error, document)
+        why = _explain(error, ours)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
     except RecipeError as error:
         raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
 
 
-def _assemble(said: Mapping[str, Any], by: ClassMap | ClassSpace) -> PartialGraph:
-    _require_bounds(said)
-    document = _Graph.model_validate(said)
-    rooms: tuple[KnownRoom, ...] = document.rooms
+def _assemble(document: Mapping[str, Any], by: ClassMap | ClassSpace) -> PartialGraph:
+    _require_bounds(document)
+    record = _Graph.model_validate(document)
+    rooms: tuple[KnownRoom, ...] = record.rooms
     index = _number([room.name for room in rooms], "room")
-    _number([obj.id for obj in document.objects], "object")
-    _number([one.id for one in document.memory], "remembered thing's")
-    room_of = {obj.id: obj.room for obj in document.objects}
-    _require_support({obj.id: obj.on for obj in document.objects if obj.on is not None}, room_of)
+    _number([obj.id for obj in record.objects], "object")
+    _number([thing.id for thing in record.memory], "remembered thing's")
+    room_of = {obj.id: obj.room for obj in record.objects}
+    _require_support({obj.id: obj.on for obj in record.objects if obj.on is not None}, room_of)
     objects = []
-    for obj in document.objects:
+    for obj in record.objects:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
         room = _find(obj.room, index, called) if obj.room is not None else 0
-        found = _classify(obj.category, obj.corrected, obj.class_name, by)
-        time = say_time(called, obj.time, age=obj.age, now=document.now)
-        facts = (obj.id, room, obj.category, *found, obj.position, obj.score)
+        meaning = _classify(obj.category, obj.corrected, obj.class_name, by)
+        time = say_time(called, obj.time, age=obj.age, now=record.now)
+        facts = (obj.id, room, obj.category, *meaning, obj.position, obj.score)
         objects.append(SeenObject(*facts, on=obj.on, time=time, stays=obj.stays))
-    looks = tuple(_read_look(one, index, room_of) for one in document.looks)
-    share = document.hidden_share
+    looks = tuple(_read_look(look, index, room_of) for look in record.looks)
+    share = record.hidden_share
     graph = PartialGraph(
-        scene_id=document.scene_id,
+        scene_id=record.scene_id,
         class_space=by.space if isinstance(by, ClassMap) else by,
         hidden_share=VAGUE.mean if share is None else share,
         rooms=rooms,
         objects=tuple(objects),
-        adjacency=tuple(sorted({_connect(ends, index) for ends in document.adjacency})),
-        building_kind=document.building_kind,
-        source=document.source,
+        adjacency=tuple(sorted({_connect(ends, index) for ends in record.adjacency})),
+        building_kind=record.building_kind,
+        source=record.source,
         looks=looks,
-        more_rooms=document.more_rooms,
-        stays=document.stays,
-        memory=tuple(_read_memory(one, index) for one in document.memory),
-        customs=tuple(dict.fromkeys(_read_custom(one, index) for one in document.customs)),
-        room_labels=tuple(document.room_labels.items()),
-        unread=document.unread,
+        more_rooms=record.more_rooms,
+        stays=record.stays,
+        memory=tuple(_read_memory(thing, index) for thing in record.memory),
+        customs=tuple(dict.fromkeys(_read_custom(custom, index) for custom in record.customs)),
+        room_labels=tuple(record.room_labels.items()),
+        unread=record.unread,
         detector=None
-        if document.detector is None
+        if record.detector is None
         else tuple(
-            (word, _classify(word, None, stated, by)[1])
-            for word, stated in document.detector.items()
+            (word, _classify(word, None, stated, by)[1]) for word, stated in record.detector.items()
         ),
     )
-    graph = start_clock(graph, document.now)
+    graph = start_clock(graph, record.now)
     if share is None and rooms:
         mean = float(np.mean([room.hidden_share for room in graph.rooms]))
         graph = replace(graph, hidden_share=mean)
     return graph
 
 
-def _read_look(said: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:
-    where = f"look for {said.thing[:SHOWN]!r}"
-    if said.at is not None:
-        _require_beside(where, "at", said.at, said.room, room_of)
-    return Look(_find(said.room, index, where), said.thing, said.chance, said.at, said.time)
+def _read_look(look: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:
+    where = f"look for {look.thing[:SHOWN]!r}"
+    if look.at is not None:
+        _require_beside(where, "at", look.at, look.room, room_of)
+    return Look(_find(look.room, index, where), look.thing, look.chance, look.at, look.time)
 
 
-def _read_memory(said: _Remembered, index: Mapping[str, int]) -> Remembered:
-    where = f"remembered thing {said.id[:SHOWN]!r}"
+def _read_memory(thing: _Remembered, index: Mapping[str, int]) -> Remembered:
+    where = f"remembered thing {thing.id[:SHOWN]!r}"
     sightings = (
         Sighting(time, 0 if room is None else _find(room, index, where), on)
-        for time, room, on in said.sightings
+        for time, room, on in thing.sightings
     )
-    inorder = tuple(sorted(sightings, key=lambda one: one.time))
-    return Remembered(said.id, said.category, inorder, said.score)
+    in_order = tuple(sorted(sightings, key=lambda seen: seen.time))
+    return Remembered(thing.id, thing.category, in_order, thing.score)
 
 
-def _read_custom(said: _Custom, index: Mapping[str, int]) -> Custom:
-    where = f"custom of {said.thing[:SHOWN]!r}"
-    if said.room is None and said.at is None:
+def _read_custom(custom: _Custom, index: Mapping[str, int]) -> Custom:
+    where = f"custom of {custom.thing[:SHOWN]!r}"
+    if custom.room is None and custom.at is None:
         raise RecipeError(f"{where}: expected a room, or a piece of furniture (`at`), or both")
-    room = None if said.room is None else _find(said.room, index, where)
-    return Custom(said.thing, room, said.at, said.never)
+    room = None if custom.room is None else _find(custom.room, index, where)
+    return Custom(custom.thing, room, custom.at, custom.never)
 
 
 def _require_support(on: Mapping[str, str], room_of: Mapping[str, str | None]) -> None:
@@ -426,11 +425,12 @@ def _require_beside(
         hint = ask_if_meant(piece, room_of) or "add it to `objects`"
         raise RecipeError(f"{where}: {key}: there is no object {piece[:SHOWN]!r}; {hint}")
     if room_of[piece] != room:
-        there, here = (
-            "no room" if one is None else f"room {one[:SHOWN]!r}" for one in (room_of[piece], room)
+        found, expected = (
+            "no room" if name is None else f"room {name[:SHOWN]!r}"
+            for name in (room_of[piece], room)
         )
         raise RecipeError(
-            f"{where}: {key}: {piece[:SHOWN]!r} is in {there}; expected an object of {here}"
+            f"{where}: {key}: {piece[:SHOWN]!r} is in {found}; expected an object of {expected}"
         )
 
 
@@ -551,8 +551,8 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     }
 
 
-def _only_said(**said: Any) -> dict[str, Any]:
-    return {key: value for key, value in said.items() if value is not None}
+def _only_said(**facts: Any) -> dict[str, Any]:
+    return {key: value for key, value in facts.items() if value is not None}
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
@@ -566,8 +566,8 @@ def _encode_room(room: KnownRoom) -> dict[str, Any]:
 
 
 def _encode_look(look: Look, rooms: Sequence[str | None]) -> dict[str, Any]:
-    said = {"room": rooms[look.room_index], "thing": look.thing, "chance": look.chance}
-    return said | _only_said(at=look.at, time=show_time(look.time))
+    document = {"room": rooms[look.room_index], "thing": look.thing, "chance": look.chance}
+    return document | _only_said(at=look.at, time=show_time(look.time))
 
 
 def _encode_memory(thing: Remembered, rooms: Sequence[str | None]) -> dict[str, Any]:
@@ -582,8 +582,8 @@ def _encode_memory(thing: Remembered, rooms: Sequence[str | None]) -> dict[str, 
 
 
 def _encode_custom(custom: Custom, rooms: Sequence[str | None]) -> dict[str, Any]:
-    said = {"thing": custom.thing, "room": rooms[custom.room_index or 0], "at": custom.at}
-    return said | _only_said(never=custom.never or None)
+    document = {"thing": custom.thing, "room": rooms[custom.room_index or 0], "at": custom.at}
+    return document | _only_said(never=custom.never or None)
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

@@ -39,11 +39,11 @@ def understand_rooms(graph: PartialGraph) -> PartialGraph:
     building, the rooms tell it: see `guess_building_kind`. A word that nobody can read says
     nothing; it stays in `unread`.
     """
-    said = say_again(graph.building_kind, graph.origins.get("", ()))
-    kind = read_building_kind(said) if isinstance(said, str) else None
-    is_unread = isinstance(said, str) and kind is None and is_name(said)
+    word = say_again(graph.building_kind, graph.origins.get("", ()))
+    kind = read_building_kind(word) if isinstance(word, str) else None
+    is_unread = isinstance(word, str) and kind is None and is_name(word)
     graph = _read_rooms(graph, kind)
-    origin = Origin(kind, str(said)) if kind and kind != normalise_room(str(said)) else None
+    origin = Origin(kind, str(word)) if kind and kind != normalise_room(str(word)) else None
     names = (_list_names(room, graph.origins) for room in graph.rooms)
     if kind is None and (origin := guess_building_kind(names)):
         kind = origin.label
@@ -51,7 +51,7 @@ def understand_rooms(graph: PartialGraph) -> PartialGraph:
     return replace(
         graph,
         building_kind=kind,
-        unread=(str(said),) if is_unread else graph.unread,
+        unread=(str(word),) if is_unread else graph.unread,
         origins={**graph.origins, "": (origin,) if origin else ()},
     )
 
@@ -66,36 +66,36 @@ def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
     'hospital'
     >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
     """
-    told: dict[str, list[str]] = {}
+    telling: dict[str, list[str]] = {}  # kind → names of the rooms that tell it
     for names in rooms:
         kind, name = next(
             ((kind, name) for name in names if (kind := tell_building(name))), ("", "")
         )
-        told.setdefault(kind, []).append(name)
-    told.pop("", None)
-    others = [names for kind, names in told.items() if kind not in ("home", "office")]
+        telling.setdefault(kind, []).append(name)
+    telling.pop("", None)
+    others = [names for kind, names in telling.items() if kind not in ("home", "office")]
     if any(len(names) >= _TELLING for names in others):
-        told.pop("office", None)
-    kind = max(told, key=lambda one: len(told[one]), default="home")
-    total = sum(map(len, told.values()))
-    if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
+        telling.pop("office", None)
+    kind = max(telling, key=lambda kind: len(telling[kind]), default="home")
+    total = sum(map(len, telling.values()))
+    if kind == "home" or not _TELLING <= len(telling[kind]) > total / 2:
         return None
-    return Origin(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
+    return Origin(kind, ", ".join(telling[kind][:_TELLING]), by_name=True)
 
 
 def _read_rooms(graph: PartialGraph, kind: str | None) -> PartialGraph:
     read = RoomReader(graph.room_labels, kind)
-    found = [_understand(room, graph.origins.get(room.name, ()), read) for room in graph.rooms]
-    origins = {room.name: said for room, said in found if said}
-    return replace(graph, rooms=tuple([room for room, _ in found]), origins=origins)
+    understood = [_understand(room, graph.origins.get(room.name, ()), read) for room in graph.rooms]
+    origins = {room.name: origins for room, origins in understood if origins}
+    return replace(graph, rooms=tuple([room for room, _ in understood]), origins=origins)
 
 
 def _understand(
     room: KnownRoom, origins: tuple[Origin, ...], read: RoomReader
 ) -> tuple[KnownRoom, tuple[Origin, ...]]:
     """Return a room with the type that is said, and what that was read from."""
-    found = read_room_type(say_again(room.room_type, origins), read=read)
-    kind, origins = found.labels, found.origins
+    meaning = read_room_type(say_again(room.room_type, origins), read=read)
+    kind, origins = meaning.labels, meaning.origins
     for name in filter(None, (room.label, room.name) if kind is None else ()):
         known = read(name)
         if known.label:
@@ -103,14 +103,14 @@ def _understand(
             break
     if kind is None and (owner_of(room.name) or owner_of(room.label or "")):
         kind = dict(_OF_SOMEBODY)
-    return replace(room, room_type=kind, unread=found.unread or room.unread), origins
+    return replace(room, room_type=kind, unread=meaning.unread or room.unread), origins
 
 
 def _list_names(room: KnownRoom, origins: Mapping[str, Sequence[Origin]]) -> list[str]:
     """Return what may tell the kind of building: what was said of a room's type, and its names."""
     kind = room.room_type
-    said = [one.said for one in origins.get(room.name, ())] if isinstance(kind, str) else []
-    return [name for name in (*said, kind, room.label, room.name) if isinstance(name, str)]
+    words = [origin.said for origin in origins.get(room.name, ())] if isinstance(kind, str) else []
+    return [name for name in (*words, kind, room.label, room.name) if isinstance(name, str)]
 
 
 def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
@@ -126,11 +126,11 @@ def note_rooms(
 
     `own` has words of the user, who knows what they mean.
     """
-    origins = [one for room in rooms for one in graph.origins.get(room.name, ())]
-    if named := [one.said for one in origins if one.by_name and not one.rule]:
+    origins = [origin for room in rooms for origin in graph.origins.get(room.name, ())]
+    if named := [o.said for o in origins if o.by_name and not o.rule]:
         yield f"{_list(named)}: read as the kinds that their names say"
-    if ruled := {one.said: one for one in origins if one.rule}:
-        made = [f"{w[:SHOWN]!r} is {one.label} ({one.rule})" for w, one in ruled.items()]
+    if ruled := {o.said: o for o in origins if o.rule}:
+        made = [f"{w[:SHOWN]!r} is {o.label} ({o.rule})" for w, o in ruled.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
     silent = (room.label or room.name for room in rooms if room.room_type is None)
     silent = (name for name in silent if name not in own)
@@ -150,11 +150,11 @@ def note_building(graph: PartialGraph) -> Iterator[str]:
     if graph.unread:
         words = _list(graph.unread, lambda word: repr(word[:SHOWN]))
         yield f"{words}: kind of building unknown; known are {', '.join(SAID_KINDS)}"
-    for one in graph.origins.get("", ()):
-        how = "by" if one.by_name else "for it is called"
+    for origin in graph.origins.get("", ()):
+        how = "by" if origin.by_name else "for it is called"
         yield (
-            f"building kind taken for `{kind}`, {how} {one.said[:SHOWN]}; say `building_kind` to "
-            "correct it"
+            f"building kind taken for `{kind}`, {how} {origin.said[:SHOWN]}; say `building_kind` "
+            "to correct it"
         )
     if kind and kind not in BUILDING_KINDS:
         yield f"building kind `{kind}`: no model was taught it; they read it as unknown"
