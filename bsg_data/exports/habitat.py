@@ -4,7 +4,7 @@ habitat-sim reads these numbers in the axes of its world: metres, Y up, -Z to th
 in a region if it lies within the bounds, its y is between `floor_height` and `floor_height` +
 `extrusion_height`, and (x, z) is inside `poly_loop` (habitat-sim 0.3, SemanticScene.cpp). Datasets
 are Z up: their (x, y, z) becomes (x, z, -y). This holds for meshes with any up axis, if the stage
-has the right `up` and `front`; see `_find_orientation`. `bsg_data.sources.layout_files` reads these
+has the right `up` and `front`, which a note says. `bsg_data.sources.layout_files` reads these
 files.
 """
 
@@ -21,16 +21,6 @@ from bsg_data.sources.layout_files import CONFIG_SUFFIX, NO_LABEL
 _POINT = re.compile(r"\[\n *([^\n]+),\n *([^\n]+),\n *([^\n{}\[\]]+)\n *\]")  # as JSON, over lines
 
 
-def _find_orientation(up_axis: str) -> tuple[Point, Point]:
-    """Return the `up` and `front` that place a stage upright in habitat-sim.
-
-    >>> _find_orientation("y"), _find_orientation("z")
-    (((0, 1, 0), (0, 0, -1)), ((0, 0, 1), (0, 1, 0)))
-    """
-    _, front, up = UPRIGHT[up_axis]
-    return up, front
-
-
 def _encode_regions(graph: SceneGraph, _: tuple[str, ...] = ()) -> EncodedScene:
     """Encode the rooms that have a box as regions, in their order."""
     regions = [_region(room, room.box) for room in graph.rooms if room.box is not None]
@@ -40,8 +30,9 @@ def _encode_regions(graph: SceneGraph, _: tuple[str, ...] = ()) -> EncodedScene:
     data = (_POINT.sub(r"[\1, \2, \3]", text) + "\n").encode()
     note = None
     if graph.up_axis is not None:
-        up, front = (list(axis) for axis in _find_orientation(graph.up_axis))
-        note = f'stages whose mesh has {graph.up_axis} up need "up": {up}, "front": {front}'
+        front, up = UPRIGHT[graph.up_axis][1:]
+        axes = f'"up": {[*up]}, "front": {[*front]}'  # by which it stands upright
+        note = f"stages whose mesh has {graph.up_axis} up need {axes}"
     return EncodedScene({f"{graph.scene_id}{CONFIG_SUFFIX}": data}, len(regions), note)
 
 

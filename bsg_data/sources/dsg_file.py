@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -60,7 +60,7 @@ class _Attributes(ForeignRecord):
     position: _Triple | None = None
     semantic_label: _Small | None = None
     bounding_box: _BoundingBox | None = None
-    metadata: Any = None
+    metadata: dict[str, Any] | None = None
 
 
 class _Node(ForeignRecord):
@@ -94,7 +94,6 @@ class _Graph(ForeignRecord):
     layer_names: Keyed[str, _LayerKey | _Small] = Field(default_factory=dict)
     layer_ids: Listed[_Small] = ()
     layer_keys: Listed[_LayerKey] = ()
-    mesh_layer_id: _Small | None = None
     metadata: _Metadata | None = None
 
 
@@ -111,7 +110,7 @@ class DSGNode:
     box: Box | None  # axis-aligned, around the node's own; metres; None without one
     room: int | None = None  # number of its room among the rooms; None without one, and for rooms
     # what its metadata say under `bsg`; empty without
-    said: Mapping[str, Any] = field(default_factory=dict)
+    bsg: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def symbol(self) -> str:
@@ -129,7 +128,7 @@ class DSGFile:
     links: int = 0  # edges between two objects, of which neither is the parent
     lost: int = 0  # edges to nodes that are not there, which are left out
     # what its metadata say under `bsg`; empty without
-    said: Mapping[str, Any] = field(default_factory=dict)
+    bsg: Mapping[str, Any] = field(default_factory=dict)
 
 
 def name_symbol(number: int) -> str:
@@ -146,9 +145,9 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     """Parse the JSON document of a Spark-DSG file; the path is named in errors."""
     expected = "a Spark-DSG graph"
     graph = validate(_Graph, document, where=path, expected=expected, code="dsg-malformed")
-    for fault in _find_faults(graph):
-        raise SourceError(f"{path}: {fault}", code="dsg-malformed", where=path)
     known = {node.id for node in graph.nodes}
+    if fault := _find_fault(graph, known):
+        raise SourceError(f"{path}: {fault}", code="dsg-malformed", where=path)
     edges = [edge for edge in graph.edges if edge.source in known and edge.target in known]
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     number_of = {node.id: number for number, node in enumerate(rooms)}
@@ -162,22 +161,21 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         links=sum(edge.source in things and edge.target in things for edge in edges),
         lost=len(graph.edges) - len(edges),
-        said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
+        bsg=_as_mapping(graph.metadata.bsg if graph.metadata else None),
     )
 
 
-def _find_faults(graph: _Graph) -> Iterator[str]:
+def _find_fault(graph: _Graph, known: Collection[int]) -> str:
     if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
-        yield (
+        return (
             "expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph lists its "
             "layers, also one without nodes; our JSON has `rooms`"
         )
-    known = {node.id for node in graph.nodes}
-    if len(known) < len(graph.nodes):
-        yield "expected nodes with an id each, found an id twice"
+    twice = len(known) < len(graph.nodes)
+    return "expected nodes with an id each, found an id twice" if twice else ""
 
 
-def _what_is_said(entries: Any) -> dict[str, Any]:
+def _as_mapping(entries: Any) -> dict[str, Any]:
     return entries if isinstance(entries, dict) else {}
 
 
@@ -237,7 +235,7 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
             position=_point(held.position),
             box=None if held.bounding_box is None else _enclose(held.bounding_box),
             room=room_of.get(node.id),
-            said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
+            bsg=_as_mapping((held.metadata or {}).get("bsg")),
         )
 
 

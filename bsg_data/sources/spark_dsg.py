@@ -78,8 +78,8 @@ class _RobotGraphs:
             method="robot",
             sha256=hashlib.sha256(data).hexdigest(),
         )
-        said = f"{file.lost:,} edges to nodes that are not there: they are left out"
-        lost = [SkippedScene(ref.scene_id, ref.location, said)] if file.lost else []
+        reason = f"{file.lost:,} edges to nodes that are not there: they are left out"
+        lost = [SkippedScene(ref.scene_id, ref.location, reason)] if file.lost else []
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         return Reading(graph, left_out=tuple(lost))
 

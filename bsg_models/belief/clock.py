@@ -22,44 +22,44 @@ _DATED = 1e8  # seconds: later times are dates; a simulator's clock begins at 0
 _HOW = 'a time, such as 1732800000 (seconds) or "2026-11-28T08:30:00+01:00" (ISO 8601)'
 
 
-def read_time(said: object) -> float:
+def read_time(value: object) -> float:
     """Return seconds, to the microsecond, of a number, a date with a zone, or its text.
 
     Raises:
         ValueError: for anything else.
     """
-    if isinstance(said, str):
+    if isinstance(value, str):
         try:
-            said = datetime.fromisoformat(said.strip().replace("Z", "+00:00"))
+            value = datetime.fromisoformat(value.strip().replace("Z", "+00:00"))
         except ValueError:
-            raise ValueError(f"expected {_HOW}, found {show_value(said)}") from None
-    if isinstance(said, datetime):
-        if said.tzinfo is None:
+            raise ValueError(f"expected {_HOW}, found {show_value(value)}") from None
+    if isinstance(value, datetime):
+        if value.tzinfo is None:
             raise ValueError(
-                f"expected a time with its zone, found {said.isoformat()}; add Z or an offset such "
-                "as +01:00"
+                f"expected a time with its zone, found {value.isoformat()}; add Z or an offset "
+                "such as +01:00"
             )
-        said = said.timestamp()
-    said = said.item() if isinstance(said, np.generic) else said
-    if isinstance(said, bool) or not isinstance(said, int | float) or not abs(said) < math.inf:
-        raise ValueError(f"expected {_HOW}, found {show_value(said)}")
-    if abs(said) > _MOST:
-        raise ValueError(f"expected seconds, found {show_value(said)}; are these milliseconds?")
-    return round(float(said), 6)
+        value = value.timestamp()
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
+        raise ValueError(f"expected {_HOW}, found {show_value(value)}")
+    if abs(value) > _MOST:
+        raise ValueError(f"expected seconds, found {show_value(value)}; are these milliseconds?")
+    return round(float(value), 6)
 
 
-def read_now(said: object) -> float:
+def read_now(value: object) -> float:
     """Return what time it is, as a person or a program says it: `now`, a text of seconds, a time.
 
     Raises:
         ValueError: for anything else.
     """
-    if said == "now":
+    if value == "now":
         return round(clock(), 6)
     try:
-        return read_time(float(said) if isinstance(said, str) else said)
+        return read_time(float(value) if isinstance(value, str) else value)
     except ValueError:
-        return read_time(said)
+        return read_time(value)
 
 
 def is_dated(time: float) -> bool:

@@ -50,59 +50,64 @@ MOST_MORE_ROOMS = 100
 _MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 
 
-def _read_number(said: object) -> object:
-    """Refuse what pydantic would take for a number, true, false and text; NumPy's become plain."""
-    said = said.item() if isinstance(said, np.generic) else said
-    if isinstance(said, bool) or not isinstance(said, Real):
-        raise ValueError(f"expected a number, found {show_value(said)}")
-    return said
+def _plain(value: Any) -> Any:
+    """Return a value of NumPy as Python's."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
-def check_more_rooms(said: object) -> int | None:
+def _read_number(value: object) -> object:
+    """Refuse what pydantic would take for a number: true, false and text."""
+    number = _plain(value)
+    if isinstance(number, bool) or not isinstance(number, Real):
+        raise ValueError(f"expected a number, found {show_value(number)}")
+    return number
+
+
+def check_more_rooms(value: object) -> int | None:
     """Return a number of rooms that are not found yet; True for as many as homes have.
 
     Raises:
         RecipeError: for what is no whole number.
     """
-    if said is None or said is True:
-        return said
-    number = 0 if said is False else said.item() if isinstance(said, np.generic) else said
+    if value is None or value is True:
+        return value
+    number = 0 if value is False else _plain(value)
     if not isinstance(number, int) or not 0 <= number <= MOST_MORE_ROOMS:
         raise RecipeError(
             f"more_rooms: expected true or a whole number of 0 to {MOST_MORE_ROOMS:,}, found "
-            f"{show_value(said)}",
+            f"{show_value(value)}",
             code="more-rooms-impossible",
         )
     return number
 
 
-def spell_id(said: Any) -> Any:
+def spell_id(value: Any) -> Any:
     """Return an id as text: a number is one, too."""
-    said = said.item() if isinstance(said, np.generic) else said
-    is_number = isinstance(said, int) and not isinstance(said, bool) and abs(said) < _MOST_ID
-    return str(said) if is_number else said
+    number = _plain(value)
+    is_number = isinstance(number, int) and not isinstance(number, bool)
+    return str(number) if is_number and abs(number) < _MOST_ID else number
 
 
-def _read_point(said: object) -> object:
+def _read_point(value: object) -> object:
     """Return a point as a list: of NumPy, or with names of its axes."""
-    if isinstance(said, Mapping) and said.keys() in ({"x", "y"}, {"x", "y", "z"}):
-        return [said[axis] for axis in sorted(said)]
-    return said.tolist() if isinstance(said, np.ndarray) else said
+    if isinstance(value, Mapping) and value.keys() in ({"x", "y"}, {"x", "y", "z"}):
+        return [value[axis] for axis in sorted(value)]
+    return _plain(value)
 
 
-def _read_position(said: object) -> object:
-    said = _read_point(said)
-    if isinstance(said, list | tuple) and len(said) != 3:
-        raise ValueError(f"expected [x, y, z] in metres, found {show_value(said)}")
-    return said
+def _read_position(value: object) -> object:
+    point = _read_point(value)
+    if isinstance(point, list | tuple) and len(point) != 3:
+        raise ValueError(f"expected [x, y, z] in metres, found {show_value(point)}")
+    return point
 
 
-def _read_flag(said: object) -> object:
+def _read_flag(value: object) -> object:
     """Return true or false: also of NumPy, and as 1 or 0."""
-    said = said.item() if isinstance(said, np.generic) else said
-    if not isinstance(said, bool | int) or said not in (0, 1):
-        raise ValueError(f"expected true or false, found {show_value(said)}")
-    return bool(said)
+    flag = _plain(value)
+    if not isinstance(flag, bool | int) or flag not in (0, 1):
+        raise ValueError(f"expected true or false, found {show_value(flag)}")
+    return bool(flag)
 
 
 # What a robot's JSON may hold; `KnownRoom` in Python is trusted.
@@ -113,7 +118,7 @@ Metres = Annotated[float, Number, Field(ge=-MAX_METRES, le=MAX_METRES)]
 Footprint = Annotated[
     tuple[Annotated[tuple[Metres, Metres], BeforeValidator(_read_point)], ...],
     Field(min_length=3, max_length=MAX_CORNERS),
-    BeforeValidator(lambda said: said.tolist() if isinstance(said, np.ndarray) else said),
+    BeforeValidator(_plain),
 ]
 Position = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(_read_position)]
 _Corners = Annotated[
@@ -347,18 +352,18 @@ class PartialGraph:
 
     def __post_init__(self) -> None:
         """Let no node that shows something hide all."""
-        hidden = {number for number, room in enumerate(self.rooms, 1) if room.hidden_share == 1}
-        if self.hidden_share == 1 and any(obj.is_evidence for obj in self.objects):
-            object.__setattr__(self, "hidden_share", MOST_HIDDEN)
-        if not hidden:
+        full = {number for number, room in enumerate(self.rooms, 1) if room.hidden_share == 1}
+        if not full and self.hidden_share < 1:
             return
-        shown = {o.room_index for o in self.objects if o.room_index in hidden and o.is_evidence}
-        if shown:
-            rooms = tuple(
-                replace(room, hidden_share=MOST_HIDDEN) if number in shown else room
+        shown = {obj.room_index for obj in self.objects if obj.is_evidence}
+        if self.hidden_share == 1 and shown:
+            object.__setattr__(self, "hidden_share", MOST_HIDDEN)
+        if hidden := full & shown:
+            rooms = (
+                replace(room, hidden_share=MOST_HIDDEN) if number in hidden else room
                 for number, room in enumerate(self.rooms, 1)
             )
-            object.__setattr__(self, "rooms", rooms)
+            object.__setattr__(self, "rooms", tuple(rooms))
 
     def share_with(self, shares: Sequence[float]) -> float:
         """Return the hidden share of the building if its rooms have these shares, `[R]`.
@@ -471,10 +476,11 @@ def check_report(seen: _Report) -> _Report:
     Raises:
         RecipeError: for what no file could hold.
     """
-    said = {one.name: getattr(seen, one.name) for one in fields(seen)}
-    said["id"] = said.pop("name")
+    values = {field.name: getattr(seen, field.name) for field in fields(seen)}
     try:
-        checked: _Report = _adapter_of(is_room=isinstance(seen, KnownRoom)).validate_python(said)
+        checked: _Report = _adapter_of(is_room=isinstance(seen, KnownRoom)).validate_python(
+            {"id": values.pop("name"), **values}
+        )
         return checked
     except ValidationError as error:
         where = f"{'room' if isinstance(seen, KnownRoom) else 'object'} {show_value(seen.name)}"

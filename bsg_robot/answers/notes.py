@@ -15,7 +15,8 @@ from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.kinds import SURE, RoomKinds
 from bsg_robot.answers.ways import list_lost
 from bsg_robot.answers.words import find_everyday, find_kind
-from bsg_robot.graph.robot_json import list_unmapped, note_room_types
+from bsg_robot.graph.robot_json import list_unmapped
+from bsg_robot.graph.room_kinds import note_room_types
 from bsg_robot.things.things import classify_seen
 
 _MOST_NAMES = 5  # in a note

@@ -42,7 +42,8 @@ from bsg_robot.answers.place import EXPLORE
 from bsg_robot.answers.weighed_graph import WeighedGraph, weigh_looks
 from bsg_robot.answers.words import find_room, require_word
 from bsg_robot.graph import memory, reports
-from bsg_robot.graph.robot_json import list_unmapped, room_reader, understand_rooms
+from bsg_robot.graph.robot_json import list_unmapped
+from bsg_robot.graph.room_kinds import room_reader, understand_rooms
 from bsg_robot.things.pieces import kind_of
 from bsg_robot.things.things import classify_seen, find_group, find_receptacle
 

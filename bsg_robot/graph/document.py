@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -79,9 +79,9 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
 def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
     """Return the belief graph of a JSON document; the path is named in errors."""
     try:
-        said = _Document.model_validate(document)
-        partial = parse_robot_graph(said.partial, path=path, class_map=said.class_space)
-        return _assemble(said, partial)
+        record = _Document.model_validate(document)
+        partial = parse_robot_graph(record.partial, path=path, class_map=record.class_space)
+        return _assemble(record, partial)
     except ValidationError as error:
         fault = name_fault(error)
         raise BeliefFileError(f"{path}: {fault}", code="belief-malformed", where=path) from error
@@ -89,26 +89,26 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
         raise BeliefFileError(f"{path}: {error}", code="belief-inconsistent", where=path) from error
 
 
-def _assemble(said: _Document, partial: PartialGraph) -> BeliefGraph:
+def _assemble(record: _Document, partial: PartialGraph) -> BeliefGraph:
     """Return the belief graph; a ValueError says why beliefs do not belong to their graph."""
-    seen, classes = partial.histograms(), said.class_space.classes
-    for table in (said.expected, said.presence):
+    seen, classes = partial.histograms(), record.class_space.classes
+    for table in (record.expected, record.presence):
         if len(table) != len(seen) or any(len(row) != len(classes) for row in table):
             raise ValueError(f"expected histograms of {len(seen)} × {len(classes)}")
-    expected, presence = np.array(said.expected), np.array(said.presence)
+    expected, presence = np.array(record.expected), np.array(record.presence)
     if (expected < seen).any():
         raise ValueError("fewer objects are expected than were seen")
     room_of = {obj.name: obj.room_index for obj in partial.objects}
-    for node in said.blind:
+    for node in record.blind:
         if node.room >= len(seen) or node.class_name not in classes:
             raise ValueError(f"a blind node of {node.class_name!r} in room {node.room}")
         if node.on is not None and room_of.get(node.on) != node.room:
             raise ValueError(f"a blind node on {node.on[:SHOWN]!r}, which is not in its room")
     blind = (
         BlindNode(node.room, classes.index(node.class_name), node.expected, node.presence, node.on)
-        for node in said.blind
+        for node in record.blind
     )
-    return BeliefGraph(partial, expected, presence, tuple(blind), said.mode, said.model)
+    return BeliefGraph(partial, expected, presence, tuple(blind), record.mode, record.model)
 
 
 def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str, Any]]]:
@@ -181,4 +181,11 @@ def _read(path: Path) -> BeliefGraph:
     return decode_belief(read_json(path, BELIEF, error=BeliefFileError), path=path)
 
 
+def _write_page(beliefs: Iterable[BeliefGraph], path: Path) -> None:
+    from bsg_models.rendering.explorer import ShownBelief, write_explorer  # other formats need none
+
+    write_explorer([ShownBelief(belief) for belief in beliefs], path)
+
+
 JSON = FormatRow("json", (".json",), write=_write, read=_read)
+HTML = FormatRow("html", (".html", ".htm"), write_all=_write_page)

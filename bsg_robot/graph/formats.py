@@ -53,7 +53,7 @@ FORMATS = Registry(
     rows={
         "json": "bsg_robot.graph.document:JSON",
         "spark-dsg": "bsg_robot.graph.annotation:SPARK_DSG",
-        "html": "bsg_robot.graph.page:HTML",
+        "html": "bsg_robot.graph.document:HTML",
     },
 )
 
@@ -63,7 +63,7 @@ def choose_format(path: Path) -> FormatRow:
     rows, broken = FORMATS.load_all()
     name = path.name.casefold()
     suffixes = [(suffix, row) for row in rows.values() for suffix in row.suffixes]
-    fitting = [one for one in suffixes if name.endswith(one[0]) and len(name) > len(one[0])]
+    fitting = [(s, row) for s, row in suffixes if name.endswith(s) and len(name) > len(s)]
     if not fitting:
         known = ", ".join(f"{suffix} ({row.name})" for suffix, row in suffixes)
         raise RecipeError(
@@ -73,7 +73,7 @@ def choose_format(path: Path) -> FormatRow:
             code="format-unknown",
             where=path,
         )
-    return max(fitting, key=lambda one: len(one[0]))[1]
+    return max(fitting, key=lambda fit: len(fit[0]))[1]
 
 
 def write_belief(belief: BeliefGraph, path: AnyPath) -> None:
@@ -99,7 +99,7 @@ def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) ->
         return
     several = list(beliefs)
     if len(several) != 1 or row.write is None:
-        many = (name for name, one in FORMATS.load_all()[0].items() if one.write_all is not None)
+        many = (name for name, other in FORMATS.load_all()[0].items() if other.write_all)
         raise RecipeError(
             f"{path}: the format {row.name} holds one belief graph, and there are {len(several)}; "
             f"use one of {', '.join(many)}",

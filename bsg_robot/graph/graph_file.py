@@ -96,12 +96,12 @@ def _parse_hydra(
     # Imported here: other graphs need no reader of Spark-DSG's.
     from bsg_data.sources.dsg_file import parse_dsg
     from bsg_data.sources.label_space import load_label_space
-    from bsg_robot.graph.hydra import describe_hydra, find_document, note_hydra
+    from bsg_robot.graph.hydra import describe_hydra, find_belief, note_hydra
 
     _refuse_other_nodes(document["nodes"], path)
     space = None if labels is None else load_label_space(labels)
     dsg = parse_dsg(document, path=path)
-    name = _name_scene(find_document(document), path)
+    name = _name_scene(find_belief(document), path)
     said = {"scene_id": name, **describe_hydra(dsg, space, path)}
     graph = parse_robot_graph(said, path=path, room_labels=room_labels)
     return GraphFile(path, graph, document, tuple(note_hydra(dsg, space)))
@@ -125,7 +125,7 @@ def _read_document(path: Path, named: Path) -> Any:
     if path.suffix == _BINARY:
         from bsg_robot.graph.hydra import convert  # as above
 
-        data = convert(path)
+        data = convert(path, named=path)
     if b"nodes" in data.replace(b"\0", b""):  # also in UTF-16
         document = require_json(data, named, once=False, is_bounded=True, error=RobotGraphError)
         if _is_dsg(document):
@@ -157,6 +157,6 @@ def _read_standard_input() -> bytes:
 def _name_scene(belief: Any, path: Path) -> str:
     """Return the building's id from the belief in a document, if any; else the file's name."""
     name = belief
-    for key in ("partial", "scene_id"):
+    for key in ("document", "partial", "scene_id"):
         name = name.get(key) if isinstance(name, dict) else None
     return str(name or path.name.partition(".")[0] or path.name)

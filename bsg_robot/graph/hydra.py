@@ -16,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -43,69 +44,78 @@ _CODE = (
 _LISTED = 10  # labels in a note
 _PATH = ("metadata", "bsg", "belief")  # of a belief in a graph, or in a node's attributes
 _OURS = ("belief", "partial")  # keys of an annotation, and of facts of the graph
-_ASKED = 1000  # foreign keys in metadata that are compared with ours; more are somebody's data
+_COMPARED = 1000  # foreign keys in metadata that are compared with ours; more are somebody's data
 _TELLING = 5  # letters from which a similar key is no accident
-_Asked = set[tuple[str, tuple[str, ...]]]  # keys in metadata, and the ones they are compared with
 
 
 def describe_hydra(dsg: DSGFile, labels: LabelSpace | None, path: Path) -> dict[str, Any]:
     """Return Hydra's graph in the form of a robot's JSON; its metadata take precedence."""
-    asked: _Asked = set()
-    rooms = [_describe_room(room, path, asked) for room in dsg.rooms]
+    partial = dsg.bsg.get("partial")
+    graph = partial if isinstance(partial, dict) else {}
+    _refuse_misspelt({f"{path}: partial": graph}, GRAPH_WORDS)
+    for kind, nodes, keys in (
+        ("room", dsg.rooms, ROOM_WORDS),
+        ("object", dsg.objects, OBJECT_WORDS),
+    ):
+        _refuse_misspelt({f"{path}: {kind} {node.symbol!r}": node.bsg for node in nodes}, keys)
+    rooms = [_describe_room(room) for room in dsg.rooms]
     names = [room["id"] for room in rooms]
     return {
-        **_read_said(dsg.said.get("partial"), GRAPH_WORDS, asked, of=f"{path}: partial"),
+        **_take(graph, GRAPH_WORDS),
         "rooms": rooms,
-        "objects": [_describe_object(obj, names, labels, path, asked) for obj in dsg.objects],
+        "objects": [_describe_object(obj, names, labels) for obj in dsg.objects],
         "adjacency": [[names[a], names[b]] for a, b in dsg.adjacency],
     }
 
 
-def _describe_room(node: DSGNode, path: Path, asked: _Asked) -> dict[str, Any]:
+def _describe_room(node: DSGNode) -> dict[str, Any]:
     called = node.label_name or node.name
     return {
         "id": node.symbol,
         "label": called,
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **_read_said(node.said, ROOM_WORDS, asked, of=f"{path}: room {node.symbol!r}"),
+        **_take(node.bsg, ROOM_WORDS),
     }
 
 
-def _describe_object(
-    node: DSGNode, rooms: list[str], labels: LabelSpace | None, path: Path, asked: _Asked
-) -> dict[str, Any]:
+def _describe_object(node: DSGNode, rooms: list[str], labels: LabelSpace | None) -> dict[str, Any]:
     return {
         "id": node.symbol,
         "room": None if node.room is None else rooms[node.room],
         "category": _name_object(node, labels),
         "position": node.position,
-        **_read_said(node.said, OBJECT_WORDS, asked, of=f"{path}: object {node.symbol!r}"),
+        **_take(node.bsg, OBJECT_WORDS),
     }
 
 
 def _name_object(node: DSGNode, labels: LabelSpace | None) -> str:
     """Return the name of an object; the one of our own annotation if nobody else names it."""
-    name, belief = name_object(node, labels), node.said.get("belief")
+    name, belief = name_object(node, labels), node.bsg.get("belief")
     own = belief.get("category") if isinstance(belief, dict) else None
     return own if isinstance(own, str) and name in ("", f"label {node.label}") else name
 
 
-def _read_said(said: Any, keys: tuple[str, ...], asked: _Asked, *, of: str) -> dict[str, Any]:
-    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt.
+def _take(metadata: Mapping[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
+    return {key: metadata[key] for key in keys if key in metadata}
 
-    A key of the user's is compared once in a graph, however many nodes have it.
+
+def _refuse_misspelt(said: Mapping[str, Mapping[str, Any]], keys: tuple[str, ...]) -> None:
+    """Refuse keys in metadata that are nearly ours; all others are the user's.
+
+    A key is compared once in a graph, however many nodes have it.
     """
-    said = said if isinstance(said, dict) else {}
-    for key in said:
-        if key in keys or key in _OURS or (key, keys) in asked or len(asked) >= _ASKED:
-            continue
-        asked.add((key, keys))
-        if hint := ask_if_meant(key, [one for one in keys if len(one) >= _TELLING]):
+    foreign = {
+        key: where
+        for where, metadata in said.items()
+        for key in metadata
+        if key not in keys and key not in _OURS
+    }
+    for key, where in islice(foreign.items(), _COMPARED):
+        if hint := ask_if_meant(key, [word for word in keys if len(word) >= _TELLING]):
             raise RobotGraphError(
-                f"{of}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=of
+                f"{where}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=where
             )
-    return {key: said[key] for key in keys if key in said}
 
 
 def note_hydra(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
@@ -123,9 +133,7 @@ def note_hydra(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
     if dsg.lost:
         edges = "1 edge" if dsg.lost == 1 else f"{dsg.lost:,} edges"
         yield f"{edges} left out: a node of each is not in the file"
-    bare = [
-        obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.said)
-    ]
+    bare = [obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.bsg)]
     labelled = [obj for obj in bare if obj.label is not None]
     named = Counter((obj.label, _name_object(obj, labels)) for obj in labelled)
     found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
@@ -147,29 +155,27 @@ def _count(objects: int) -> str:
     return "1 object" if objects == 1 else f"{objects:,} objects"
 
 
-def find_document(graph: Any) -> Any:
-    """Return the document of the belief graph that an annotation added; None without one."""
-    return (find_belief(graph) or {}).get("document")
-
-
-def find_belief(held: Any) -> dict[str, Any] | None:
-    """Return what an annotation added to a graph or a node; blind nodes are added as a whole."""
+def find_belief(holder: Any) -> dict[str, Any] | None:
+    """Return what an annotation added to a graph, or to the attributes of a node."""
     for key in _PATH:
-        held = held.get(key) if isinstance(held, dict) else None
-    if not isinstance(held, dict):
-        return None
-    return held if held.get("added") in _PATH or held.get("kind") == "blind" else None
+        holder = holder.get(key) if isinstance(holder, dict) else None
+    return holder if isinstance(holder, dict) else None
 
 
-def convert(path: Path) -> bytes:
-    """Return the JSON of a binary graph, as spark_dsg makes it."""
+def require_spark_dsg(path: Path) -> None:
+    """Refuse what only Hydra's own library can do, if it is not installed."""
     if importlib.util.find_spec("spark_dsg") is None:
         raise HydraError(
-            f"{path}: binary graphs need spark-dsg; save the graph as .json, or "
+            f"{path}: binary graphs, and beliefs in Hydra's graphs, need spark_dsg; use .json, or "
             f"{ask_to_install('hydra')}",
             code="library-missing",
             where=path,
         )
+
+
+def convert(path: Path, *, named: Path) -> bytes:
+    """Return the JSON of a graph, binary or not, as spark_dsg makes it; errors name a path."""
+    require_spark_dsg(named)
     with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
         written = Path(folder, "graph.json")
         # Isolated: never import modules from the working directory.
@@ -181,10 +187,10 @@ def convert(path: Path) -> bytes:
             return written.read_bytes()
         except (subprocess.SubprocessError, OSError) as error:
             raise HydraError(
-                f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
-                f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save the graph as .json",
-                code="binary-unloadable",
-                where=path,
+                f"{named}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
+                f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save it again by spark_dsg",
+                code="dsg-unloadable",
+                where=named,
             ) from error
 
 

@@ -63,16 +63,16 @@ def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
     Raises:
         RecipeError: for what is no map; it shows one.
     """
-    said = open_belief(_make_plain(said))
+    plain = open_belief(_make_plain(said))
     # Beside its rooms, the simplest map may state these; a list is a room of this name.
-    facts = {k: said[k] for k in FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
-    rooms: Any = {key: said[key] for key in said if key not in facts}
+    facts = {k: plain[k] for k in FACTS_OF_MAPS if k in plain and not isinstance(plain[k], list)}
+    rooms: Any = {key: plain[key] for key in plain if key not in facts}
     ours, document = rooms.keys() & keys, drop_empty(facts)
     is_map = not rooms.keys() <= _LISTS and all(
         _lists_words(value) and (value or key not in _LISTS) for key, value in rooms.items()
     )
     if ours and not is_map:
-        document = _rename(drop_empty(said), "")
+        document = _rename(drop_empty(plain), "")
         rooms = document.get("rooms")
     if isinstance(rooms, dict):
         rooms = _list_rooms(rooms)
@@ -83,57 +83,59 @@ def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
             objects = [*lifted, *objects] if isinstance(objects, list) else objects
         document = document | {"rooms": rooms}
     if isinstance(objects, list):
-        objects = _number([_tidy(one, "objects") for one in objects])
+        objects = _number([_tidy(obj, "objects") for obj in objects])
     looks = document.get("looks")
     if isinstance(looks, list):
         document = document | {"looks": [_tidy(look, "looks") for look in looks]}
     return {"scene_id": path.name.partition(".")[0] or path.name} | document | {"objects": objects}
 
 
-def open_belief(said: Any) -> dict[str, Any]:
+def open_belief(document: Any) -> dict[str, Any]:
     """Return a document, or that of what was seen in a belief graph."""
-    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
-        beside = [key for key in ("now", "memory", "customs", "rooms", "objects") if key in said]
-        said = said.get("partial")
-        if said is None:
+    if isinstance(document, dict) and document.get("format") == "bsg-belief-graph":
+        beside = [
+            key for key in ("now", "memory", "customs", "rooms", "objects") if key in document
+        ]
+        document = document.get("partial")
+        if document is None:
             raise RecipeError(
                 "a belief graph without `partial`, the graph that the robot has seen; expected it "
                 "there (docs/belief.md)"
             )
         if beside:
             raise RecipeError(f"{beside[0]!r} beside `partial`; expected it there (docs/belief.md)")
-    if not isinstance(said, dict):
-        raise RecipeError(f"expected a JSON object such as {FORM}, found {show_value(said)}")
-    return said
+    if not isinstance(document, dict):
+        raise RecipeError(f"expected a JSON object such as {FORM}, found {show_value(document)}")
+    return document
 
 
-def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
+def drop_empty(entry: Mapping[str, Any]) -> dict[str, Any]:
     """Return what is said: null and "" say nothing, but a thing may have an empty name."""
     return {
         key: value
-        for key, value in said.items()
+        for key, value in entry.items()
         if key == "category" or not (value is None or (isinstance(value, str) and not value))
     }
 
 
-def _make_plain(said: Any, depth: int = _DEPTH) -> Any:
+def _make_plain(value: Any, depth: int = _DEPTH) -> Any:
     """Return a document without NumPy's values, and with lists alone."""
-    if type(said) in _PLAIN:  # most are; to ask for an abstract class takes long
-        return said
-    if isinstance(said, np.generic | np.ndarray):
-        return said.tolist()
-    if isinstance(said, set | frozenset):
-        return sorted(said, key=str)
-    if isinstance(said, Mapping):
-        return {key: _make_plain(one, depth - 1) if depth else one for key, one in said.items()}
-    if isinstance(said, list | tuple):
-        return [_make_plain(one, depth - 1) if depth else one for one in said]
-    return said
+    if type(value) in _PLAIN:  # most are; to ask for an abstract class takes long
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, set | frozenset):
+        return sorted(value, key=str)
+    if isinstance(value, Mapping):
+        return {key: _make_plain(v, depth - 1) if depth else v for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_make_plain(v, depth - 1) if depth else v for v in value]
+    return value
 
 
-def _lists_words(said: Any) -> bool:
+def _lists_words(value: Any) -> bool:
     """Say whether a value is a list as of the things in a room, of any name: `source`, `rooms`."""
-    return isinstance(said, list) and all(isinstance(one, str) for one in said)
+    return isinstance(value, list) and all(isinstance(word, str) for word in value)
 
 
 def _list_rooms(rooms: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -144,10 +146,10 @@ def _list_rooms(rooms: Mapping[str, Any]) -> list[dict[str, Any]]:
         if not isinstance(value, list | dict):
             shown = f"{str(name)[:SHOWN]}: expected a JSON list of things"
             raise RecipeError(f"{shown}, such as {FORM}, found {show_value(value)}")
-        said = drop_empty(value) if isinstance(value, dict) else {"objects": value}
-        called = {"label": name} if "id" in said else {"id": name}
+        facts = drop_empty(value) if isinstance(value, dict) else {"objects": value}
+        called = {"label": name} if "id" in facts else {"id": name}
         kind = name if len(str(name)) <= SHOWN and label_of("any", str(name)) else None
-        entry = _rename(called | said, "rooms")
+        entry = _rename(called | facts, "rooms")
         entries.append({"objects": [], "room_type": kind} | entry)
     return entries
 
@@ -158,7 +160,7 @@ def _tidy(entry: Any, kind: str) -> Any:
 
 def _rename(entry: dict[str, Any], kind: str) -> dict[str, Any]:
     for other, ours in _SYNONYMS[kind].items():
-        if other in entry and (free := [one for one in ours if one not in entry]):
+        if other in entry and (free := [key for key in ours if key not in entry]):
             entry[free[0]] = entry.pop(other)
     return entry
 
@@ -186,7 +188,7 @@ def _lift(rooms: list[Any]) -> list[Any]:
 def _number(objects: list[Any]) -> list[Any]:
     """Return the objects with an id each: `sink 1`, `sink 2`."""
     taken = {str(obj.get("id")) for obj in objects if isinstance(obj, dict)}
-    times, found = Counter[str](), []
+    times, numbered = Counter[str](), []
     for obj in objects:
         if isinstance(obj, dict) and "id" not in obj and isinstance(obj.get("category"), str):
             word = obj["category"][:SHOWN] or "object"
@@ -194,11 +196,13 @@ def _number(objects: list[Any]) -> list[Any]:
                 times[word] += 1
             times[word] += 1
             obj = {"id": name} | obj
-        found.append(obj)
-    return found
+        numbered.append(obj)
+    return numbered
 
 
-def require_few(found: int, most: int, what: str, hint: str = "") -> None:
+def require_few(found: int, upper_bound: int, what: str) -> None:
     """Refuse more of something than a graph may have."""
-    if found > most:
-        raise RecipeError(f"expected at most {most:,} {what}, found {found:,}{hint}")
+    if found > upper_bound:
+        raise RecipeError(
+            f"expected at most {upper_bound:,} {what}, found {found:,}; leave some out"
+        )

@@ -33,22 +33,24 @@ def tell_time(graph: PartialGraph, time: float) -> PartialGraph:
             code="time-far",
             where=graph.scene_id,
         )
-    graph = date_all(graph, time) if graph.now is None else _begin_dates(graph, time)
+    graph = _set_clock(graph, time)
     return replace(graph, now=time if graph.now is None else max(time, graph.now))
 
 
-def _begin_dates(graph: PartialGraph, time: float) -> PartialGraph:
-    """Return a graph whose clock counted from 0 with dates, if a time is one."""
-    if graph.now is None or is_dated(graph.now) or not is_dated(time):
+def _set_clock(graph: PartialGraph, time: float) -> PartialGraph:
+    """Return a graph whose clock has dates, if a time is one; all of one without was seen then."""
+    if graph.now is None:
+        return _date(graph, time, lambda _: time)
+    if is_dated(graph.now) or not is_dated(time):
         return graph
     by = time - graph.now
     memory = (
         replace(
-            one, sightings=tuple(o._replace(time=read_time(o.time + by)) for o in one.sightings)
+            thing, sightings=tuple(s._replace(time=read_time(s.time + by)) for s in thing.sightings)
         )
-        for one in graph.memory
+        for thing in graph.memory
     )
-    dated = _date(graph, time, lambda one: None if one is None else read_time(one + by))
+    dated = _date(graph, time, lambda seen: None if seen is None else read_time(seen + by))
     return replace(dated, memory=tuple(memory))
 
 
@@ -58,7 +60,7 @@ def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
     Raises:
         RecipeError: for a time before the last report.
     """
-    graph = date_all(graph, now) if graph.now is None else _begin_dates(graph, now)
+    graph = _set_clock(graph, now)
     if graph.now is not None and now < graph.now:
         raise RecipeError(
             f"{graph.scene_id}: now: expected a time after {show_time(graph.now)}, that of the "
@@ -71,10 +73,10 @@ def pass_until(graph: PartialGraph, now: float) -> PartialGraph:
 
 def _find_latest(graph: PartialGraph) -> float | None:
     """Return the time of the last report; None if no report has one."""
-    said = [seen.time for one in graph.memory for seen in one.sightings]
+    times = [seen.time for thing in graph.memory for seen in thing.sightings]
     for parts in (graph.objects, graph.rooms, graph.looks):
-        said += [part.time for part in parts if part.time is not None]
-    return max(said, default=None)
+        times += [part.time for part in parts if part.time is not None]
+    return max(times, default=None)
 
 
 def say_time(
@@ -115,11 +117,6 @@ def start_clock(graph: PartialGraph, now: float | None) -> PartialGraph:
     return replace(graph, now=max(latest, 0.0 if now is None else now))
 
 
-def date_all(graph: PartialGraph, time: float) -> PartialGraph:
-    """Return a graph without a clock as one of which all was seen at a time."""
-    return _date(graph, time, lambda _: time)
-
-
 def _date(
     graph: PartialGraph, now: float, date: Callable[[float | None], float | None]
 ) -> PartialGraph:
@@ -128,7 +125,7 @@ def _date(
         graph,
         now=now,
         objects=tuple(replace(obj, time=date(obj.time)) for obj in graph.objects),
-        rooms=tuple(replace(o, time=date(o.time) if o.visited else None) for o in graph.rooms),
+        rooms=tuple(replace(r, time=date(r.time) if r.visited else None) for r in graph.rooms),
         looks=tuple(replace(look, time=date(look.time)) for look in graph.looks),
     )
 
@@ -137,38 +134,38 @@ def remember(
     memory: tuple[Remembered, ...], objects: Collection[SeenObject]
 ) -> tuple[Remembered, ...]:
     """Return the memory with where objects were, which are elsewhere now."""
-    kept = {one.name: one for one in memory}
+    things = {thing.name: thing for thing in memory}
     for obj in objects:
         if obj.time is None:
             continue
-        seen = Sighting(obj.time, obj.room_index, obj.on)
-        before = kept.get(obj.name)
-        sightings, score = ((), 0.0) if before is None else (before.sightings, before.score)
-        surest = None if None in (score, obj.score) else max(score or 0.0, obj.score or 0.0)
-        known = Remembered(obj.name, obj.raw_category, _add(sightings, seen), surest)
-        kept[obj.name] = known
-    return _bound(kept)
+        before = things.get(obj.name, Remembered(obj.name, obj.raw_category, (), 0.0))
+        sightings = _add(before.sightings, Sighting(obj.time, obj.room_index, obj.on))
+        is_sure = before.score is None or obj.score is None
+        score = None if is_sure else max(before.score or 0.0, obj.score or 0.0)
+        things[obj.name] = Remembered(obj.name, obj.raw_category, sightings, score)
+    return _bound(things)
 
 
 def _add(sightings: tuple[Sighting, ...], seen: Sighting) -> tuple[Sighting, ...]:
     """Return sightings with one more, by time; of those within the hour, the first."""
-    if any(one[1:] == seen[1:] and abs(one.time - seen.time) < HOUR for one in sightings):
+    if any(old[1:] == seen[1:] and abs(old.time - seen.time) < HOUR for old in sightings):
         return sightings
-    return tuple(sorted((*sightings, seen), key=lambda one: one.time)[-MOST_SIGHTINGS:])
+    return tuple(sorted((*sightings, seen), key=lambda old: old.time)[-MOST_SIGHTINGS:])
 
 
-def _bound(kept: Mapping[str, Remembered]) -> tuple[Remembered, ...]:
+def _bound(memory: Mapping[str, Remembered]) -> tuple[Remembered, ...]:
     """Return what is remembered; of too much, each thing keeps its latest sightings.
 
-    Of too many things, those that were seen last are kept.
+    Of too many things, those that were seen last stay.
     """
-    most = MOST_SIGHTINGS
-    if len(kept) > MOST_THINGS:
-        last = sorted(kept, key=lambda name: kept[name].sightings[-1].time)[-MOST_THINGS:]
-        kept = {name: kept[name] for name in last}
-    while most > 1 and sum(min(most, len(one.sightings)) for one in kept.values()) > MOST_IN_ALL:
-        most //= 2
+    latest, things = MOST_SIGHTINGS, [*memory.values()]
+    if len(things) > MOST_THINGS:
+        things = sorted(things, key=lambda thing: thing.sightings[-1].time)[-MOST_THINGS:]
+    while latest > 1 and sum(min(latest, len(t.sightings)) for t in things) > MOST_IN_ALL:
+        latest //= 2
     return tuple(
-        one if len(one.sightings) <= most else replace(one, sightings=one.sightings[-most:])
-        for one in kept.values()
+        thing
+        if len(thing.sightings) <= latest
+        else replace(thing, sightings=thing.sightings[-latest:])
+        for thing in things
     )

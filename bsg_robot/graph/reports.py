@@ -9,6 +9,7 @@ from dataclasses import replace
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_space import ClassSpace
 from bsg_data.words.normal import normalise_name
 from bsg_models.belief.clock import has_stayed
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
@@ -53,7 +54,9 @@ def follow_rooms(before: PartialGraph, after: PartialGraph) -> PartialGraph:
     """Return a later graph whose building hides more or less as its rooms do."""
     if before.rooms == after.rooms:
         return after
-    return replace(after, hidden_share=before.share_with([one.hidden_share for one in after.rooms]))
+    return replace(
+        after, hidden_share=before.share_with([room.hidden_share for room in after.rooms])
+    )
 
 
 def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
@@ -64,10 +67,13 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     object does not say how much more the robot looked at; but a room that shows something does not
     hide all.
     """
-    graph = _give_id(graph, seen)
     known = next((obj for obj in graph.objects if obj.name == seen.name), None)
+    before = next((thing for thing in graph.memory if thing.name == seen.name), None)
+    if _is_other(seen, known, before, graph.class_space):  # another thing has the id now
+        objects = tuple(obj for obj in graph.objects if obj is not known)
+        memory = tuple(thing for thing in graph.memory if thing is not before)
+        graph, known, before = replace(graph, objects=objects, memory=memory), None, None
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
-    before = next((one for one in graph.memory if one.name == seen.name), None)
     last = known.time if known else before.sightings[-1].time if before else None
     if is_before(seen.time, last):
         return replace(graph, memory=remember(graph.memory, [seen]))
@@ -82,22 +88,14 @@ def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     return follow_rooms(graph, replace(graph, objects=(*others, seen), memory=memory))
 
 
-def _give_id(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
-    """Return the graph without what it remembers under an id that another thing has now."""
-    classes = [normalise_name(name) for name in graph.class_space.classes]
-    known = next((obj for obj in graph.objects if obj.name == seen.name), None)
-    before = next((one for one in graph.memory if one.name == seen.name), None)
+def _is_other(
+    seen: SeenObject, known: SeenObject | None, before: Remembered | None, space: ClassSpace
+) -> bool:
+    """Return whether a sighting is of another thing than the known one of its id."""
     if known is not None:
-        is_other = not _is_alike(known, seen, classes=classes)
-    else:
-        words = {normalise_name(one.raw_category) for one in (before, seen) if one is not None}
-        is_other = len(words) > 1
-    if not is_other:
-        return graph
-    return replace(
-        graph,
-        objects=tuple(obj for obj in graph.objects if obj is not known),
-        memory=tuple(one for one in graph.memory if one is not before),
+        return not _is_alike(known, seen, space)
+    return before is not None and normalise_name(before.raw_category) != normalise_name(
+        seen.raw_category
     )
 
 
@@ -168,7 +166,7 @@ def describe(
         )
     rooms = [*graph.rooms]
     rooms[room_index - 1] = room
-    pairs = {*graph.adjacency, *((min(o, room_index), max(o, room_index)) for o in beside)}
+    pairs = {*graph.adjacency, *((min(n, room_index), max(n, room_index)) for n in beside)}
     return replace(graph, rooms=tuple(rooms), adjacency=tuple(sorted(pairs)))
 
 
@@ -188,16 +186,16 @@ def look(graph: PartialGraph, seen: Look, *, stays: Callable[[str], float]) -> P
     Raises:
         RecipeError: without a clock, if there are too many.
     """
-    same = [seen, *(one for one in graph.looks if _is_same(one, seen))]
-    latest = max((one.time for one in same if one.time is not None), default=None)
-    chances = [one.chance * has_stayed(one.time, latest, stays(one.thing)) for one in same]
+    same = [seen, *(old for old in graph.looks if _is_same(old, seen))]
+    latest = max((old.time for old in same if old.time is not None), default=None)
+    chances = [old.chance * has_stayed(old.time, latest, stays(old.thing)) for old in same]
     found = 1 - miss_all(chances, overlooked=overlooked_at(seen.at))
     joined = replace(seen, chance=1.0 if 1.0 in chances else min(found, _ALMOST), time=latest)
-    looks = [one for one in graph.looks if not _is_same(one, seen)]
+    looks = [old for old in graph.looks if not _is_same(old, seen)]
     if graph.now is not None:
-        ages = {one: has_stayed(one.time, graph.now, stays(one.thing)) for one in looks}
-        looks = _leave_faint({one: one.chance * ages[one] for one in looks}, seen.thing)
-    things = {seen.thing, *(one.thing for one in looks)}
+        left = {old: has_stayed(old.time, graph.now, stays(old.thing)) for old in looks}
+        looks = _leave_faint({old: old.chance * left[old] for old in looks}, seen.thing)
+    things = {seen.thing, *(old.thing for old in looks)}
     if len(looks) >= MAX_ROBOT_LOOKS or len(things) > MAX_ROBOT_SOUGHT:
         raise RecipeError(
             f"{graph.scene_id}: expected at most {MAX_ROBOT_LOOKS:,} looks for at most "
@@ -208,23 +206,23 @@ def look(graph: PartialGraph, seen: Look, *, stays: Callable[[str], float]) -> P
     return replace(graph, looks=(*looks, joined))
 
 
-def _leave_faint(left: Mapping[Look, float], thing: str) -> list[Look]:
+def _leave_faint(chances: Mapping[Look, float], thing: str) -> list[Look]:
     """Return looks without those of which little is left; beside them, one more has room."""
-    things, kept = {thing}, set[Look]()
-    for one in sorted(left, key=lambda one: -left[one]):
-        is_new = one.thing not in things
-        if left[one] < _FADED or len(things) + is_new > MAX_ROBOT_SOUGHT:
+    things, strong = {thing}, set[Look]()
+    for look in sorted(chances, key=lambda look: -chances[look]):
+        is_new = look.thing not in things
+        if chances[look] < _FADED or len(things) + is_new > MAX_ROBOT_SOUGHT:
             continue
-        things.add(one.thing)
-        kept.add(one)
-        if len(kept) + 1 >= MAX_ROBOT_LOOKS:
+        things.add(look.thing)
+        strong.add(look)
+        if len(strong) + 1 >= MAX_ROBOT_LOOKS:
             break
-    return [one for one in left if one in kept]
+    return [look for look in chances if look in strong]
 
 
-def _is_same(one: Look, other: Look) -> bool:
+def _is_same(look: Look, other: Look) -> bool:
     """Return whether two looks are for the same thing at the same place."""
-    places = [(look.room_index, look.at, normalise_name(look.thing)) for look in (one, other)]
+    places = [(one.room_index, one.at, normalise_name(one.thing)) for one in (look, other)]
     return places[0] == places[1]
 
 
@@ -245,8 +243,10 @@ def find_all(
     for obj in here:
         if obj.name in names:
             graph = see_object(graph, replace(obj, score=None, time=time))
-    looks = (o for o in graph.looks if o.room_index != room_index or is_before(time, o.time))
-    graph = replace(graph, looks=tuple(looks))
+    later = (
+        look for look in graph.looks if look.room_index != room_index or is_before(time, look.time)
+    )
+    graph = replace(graph, looks=tuple(later))
     return enter(graph, room_index, hidden_share=ShareBelief(0.0), time=time)
 
 
@@ -266,7 +266,9 @@ def let_go(graph: PartialGraph) -> PartialGraph:
     """
     room_of = {obj.name: obj.room_index for obj in graph.objects}
     loose = [obj for obj in graph.objects if obj.on and room_of.get(obj.on) != obj.room_index]
-    looks = tuple(o for o in graph.looks if o.at is None or room_of.get(o.at) == o.room_index)
+    looks = tuple(
+        look for look in graph.looks if look.at is None or room_of.get(look.at) == look.room_index
+    )
     if not loose and len(looks) == len(graph.looks):
         return graph
     freed = {obj.name for obj in loose}
@@ -276,9 +278,9 @@ def let_go(graph: PartialGraph) -> PartialGraph:
 
 def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:
     """Return the partial graph without some objects; it remembers where they were."""
-    kept = tuple(obj for obj in graph.objects if obj.name not in names)
+    others = tuple(obj for obj in graph.objects if obj.name not in names)
     lost = [obj for obj in graph.objects if obj.name in names]
-    return replace(graph, objects=kept, memory=remember(graph.memory, lost))
+    return replace(graph, objects=others, memory=remember(graph.memory, lost))
 
 
 def find_near(
@@ -294,18 +296,20 @@ def find_near(
         within: metres, between two that have a position; 0 keeps all apart.
         besides: ids of objects that it is not.
     """
-    best, near = None, within
-    classes = [normalise_name(name) for name in graph.class_space.classes]
-    for obj in graph.objects:
-        is_other = obj.room_index != seen.room_index or obj.name in besides
-        if is_other or not within or not _is_alike(obj, seen, classes=classes):
-            continue
-        far = within
-        if obj.position is not None and seen.position is not None:
-            far = math.dist(obj.position, seen.position)
-        if far <= near and (best is None or far < near):
-            best, near = obj, far
-    return best
+
+    def measure(obj: SeenObject) -> float:
+        places = (obj.position, seen.position)
+        return within if None in places else math.dist(*places)  # type: ignore[arg-type]
+
+    others = (
+        obj
+        for obj in graph.objects
+        if obj.room_index == seen.room_index
+        and obj.name not in besides
+        and _is_alike(obj, seen, graph.class_space)
+    )
+    nearest = min(others, key=measure, default=None)
+    return nearest if nearest and within and measure(nearest) <= within else None
 
 
 def find_moved(
@@ -328,9 +332,8 @@ def find_moved(
     """
     if gone := _find_gone(graph, seen, besides):
         return gone.name
-    classes = [normalise_name(name) for name in graph.class_space.classes]
     others = (obj for obj in graph.objects if obj.name not in besides)
-    still = at([obj for obj in others if _is_alike(obj, seen, classes=classes)])
+    still = at([obj for obj in others if _is_alike(obj, seen, graph.class_space)])
     moved = min(still, key=lambda name: still[name], default=None)
     return moved if moved is not None and still[moved] < EVIDENCE_SCORE else None
 
@@ -340,9 +343,9 @@ def take_over(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
 
     Trackers give new ids, and what was used up is bought again.
     """
-    known = {obj.name for obj in graph.objects} | {one.name for one in graph.memory}
+    known = {obj.name for obj in graph.objects} | {thing.name for thing in graph.memory}
     gone = None if seen.name in known else _find_gone(graph, seen, ())
-    memory = (replace(o, name=seen.name) if o is gone else o for o in graph.memory)
+    memory = (replace(t, name=seen.name) if t is gone else t for t in graph.memory)
     return graph if gone is None else replace(graph, memory=tuple(memory))
 
 
@@ -353,24 +356,27 @@ def _find_gone(
     here = {obj.name for obj in graph.objects}.union(besides)
     word = normalise_name(seen.raw_category)
     gone = (
-        one
-        for one in graph.memory
-        if one.name not in here and normalise_name(one.raw_category) == word
+        thing
+        for thing in graph.memory
+        if thing.name not in here and normalise_name(thing.raw_category) == word
     )
-    return max(gone, key=lambda one: one.sightings[-1].time, default=None)
+    return max(gone, key=lambda thing: thing.sightings[-1].time, default=None)
 
 
-def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -> bool:
+def _is_alike(obj: SeenObject, other: SeenObject, space: ClassSpace) -> bool:
     """Return whether two are of one class; a plate is no fork, if both are tableware."""
     if obj.class_index != other.class_index:
         return False
-    names = {normalise_name(one.category or one.raw_category) for one in (obj, other)}
-    return len(names) == 1 or (obj.class_index is not None and not names.isdisjoint(classes))
+    names = {normalise_name(thing.category or thing.raw_category) for thing in (obj, other)}
+    is_class = obj.class_index is not None and (
+        normalise_name(space.classes[obj.class_index]) in names
+    )
+    return len(names) == 1 or is_class
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     """Return the graph with the classes that another class map gives its objects."""
-    found = [classify_seen(obj.raw_category, class_map) for obj in graph.objects]
+    meanings = [classify_seen(obj.raw_category, class_map) for obj in graph.objects]
     words = graph.detector
     known = tuple([(word, classify_seen(word, class_map).class_index) for word, _ in words or ()])
     return replace(
@@ -378,7 +384,7 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
         class_space=class_map.space,
         detector=words and known,
         objects=tuple(
-            replace(obj, category=one.category, class_index=one.class_index)
-            for obj, one in zip(graph.objects, found, strict=True)
+            replace(obj, category=meaning.category, class_index=meaning.class_index)
+            for obj, meaning in zip(graph.objects, meanings, strict=True)
         ),
     )

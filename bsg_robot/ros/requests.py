@@ -36,7 +36,7 @@ from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.answers.words import find_room
 from bsg_robot.graph.map_forms import drop_empty
 from bsg_robot.graph.memory import LONGEST_STEP
-from bsg_robot.graph.robot_json import note_building, note_rooms
+from bsg_robot.graph.room_kinds import note_building, note_rooms
 
 MOST_CHARACTERS = 65_536  # of a text
 # That are kept: a broken detector may never stop. A file holds as many, whatever their names.

@@ -17,7 +17,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.found_model import TERMS, read_shipped_card
 from bsg_models.runs.model_card import read_card
-from bsg_robot.graph.annotation import _strip
 from bsg_robot.graph.formats import read_belief
 
 call = runner(main)
@@ -56,21 +55,14 @@ def test_the_terms_are_those_of_the_cards() -> None:
 
 
 def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:
-    path = write_graph(tmp_path / "dsg.json")
+    pytest.importorskip("spark_dsg")
     packed = tmp_path / "dsg.json.gz"
-    packed.write_bytes(gzip.compress(path.read_bytes()))
+    packed.write_bytes(gzip.compress((REPOSITORY / "docs" / "dsg.json").read_bytes()))
     out, other = tmp_path / "out.dsg.json", tmp_path / "other.dsg.json"
     words = ("--model", run, "--labels", "mpcat40", "--out")
-    done = call(packed, *words, out)
-    stripped = _strip(json.loads(out.read_text("utf-8")))
-    assert json.dumps(stripped) == json.dumps(json.loads(path.read_text("utf-8")))
-    for told in (
-        "1 of 4 objects under no room",
-        "1 object with labels that nobody names (99); name them by --labels: mpcat40, ade20k, or",
-    ):
-        assert told in done.stderr
+    assert "1 of 9 objects under no room" in call(packed, *words, out).stderr
     call(out, *words, other)
-    assert out.read_bytes() == other.read_bytes(), "the second annotation replaces the first"
+    assert read_belief(out) == read_belief(other), "the second annotation replaces the first"
 
 
 def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:

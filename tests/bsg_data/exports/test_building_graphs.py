@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import io
 import json
-from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import networkx as nx
 import pytest
 from whole_home import CLASSES, HOME
 
-from bsg_data.build import build_dataset
 from bsg_data.exports.building_graphs import GRAPHML, NODE_LINK
-from bsg_data.exports.export import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.room_layouts import WithLayouts
-from bsg_data.synthetic.buildings import write_synthetic
 
 Read = tuple[dict[int, Any], list[Any]]  # nodes and edges, with their attributes
 
@@ -62,23 +55,6 @@ def test_a_character_that_xml_cannot_hold_is_replaced_and_said() -> None:
     nodes, _ = read_graphml(encoded.files["home 1.graphml"])
     assert nodes[1]["source_label"] == "a\ufffdb\ufffd\ufffd"
     assert "U+FFFD" in str(encoded.note)
-
-
-def test_both_formats_of_a_dataset_are_one_graph_with_all_that_was_counted(tmp_path: Path) -> None:
-    list(write_synthetic(tmp_path / "buildings", scenes=3, seed=0))
-    source = WithLayouts(HM3DFolder(tmp_path / "buildings"), tmp_path / "buildings" / "layouts")
-    totals = build_dataset(source, tmp_path / "dataset").totals
-    for to in ("graphml", "networkx"):
-        export_dataset(tmp_path / "dataset", tmp_path / to, to=to)
-    number: Counter[str] = Counter()
-    for path in (tmp_path / "graphml").iterdir():
-        nodes, edges = found = read_graphml(path.read_bytes())
-        other = tmp_path / "networkx" / path.with_suffix(".node-link.json").name
-        assert found == read_node_link(other.read_bytes())
-        number.update(node["kind"] for node in nodes.values())
-        number.update(edge[2]["kind"] for edge in edges)
-    held = (totals.scenes, totals.rooms, totals.objects, 2 * totals.adjacent)
-    assert tuple(number[kind] for kind in ("building", "room", "object", "adjacent")) == held
 
 
 def test_a_building_by_hand() -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.exports.habitat import _encode_regions, _find_orientation
+from bsg_data.exports.habitat import _encode_regions
 from bsg_data.geometry.placement import UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 
@@ -70,18 +71,16 @@ def test_a_label_is_the_common_one_else_the_source_s_else_room() -> None:
     assert len(regions[0]["poly_loop"]) == 4, "a box stands in for a footprint"
 
 
-def test_a_mesh_that_does_not_stand_is_said() -> None:
-    rooms = (Room(1, 0, box=CUBE),)
-    graph = SceneGraph(*("s", "hm3d", None, None, "0" * 64, rooms, ()), class_map="m", up_axis="y")
-    assert _encode_regions(graph).note == (
-        'stages whose mesh has y up need "up": [0, 1, 0], "front": [0, 0, -1]'
-    )
-
-
 @pytest.mark.parametrize("up_axis", UPRIGHT)
 def test_the_stage_s_orientation_turns_the_mesh_file_as_we_do(up_axis: str) -> None:
     """habitat-sim turns the file's `up` to +Y and its `front` to -Z; so do our two turns."""
-    up, front = (np.array(axis) for axis in _find_orientation(up_axis))
+    graph = SceneGraph(
+        *("s", "hm3d", None, None, "0" * 64, (Room(1, 0, box=CUBE),), ()),
+        class_map="m",
+        up_axis=up_axis,
+    )
+    said = re.findall(r'"(?:up|front)": (\[.*?\])', str(_encode_regions(graph).note))
+    up, front = (np.array(json.loads(axis)) for axis in said)
     right = np.cross(front, up)
     upright = np.array(UPRIGHT[up_axis])  # file → dataset
     ours = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) @ upright  # dataset → habitat-sim

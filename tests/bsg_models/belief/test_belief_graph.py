@@ -15,12 +15,13 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import sample_masked
+from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_totals
-from bsg_models.belief.masked_graph import mask_scene
+from bsg_models.belief.masked_graph import list_withheld, mask_scene
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.inputs.folds import scenes_of
 
@@ -70,24 +71,29 @@ def test_the_expectation_of_another_graph_is_refused() -> None:
         believe(GRAPH, from_totals(np.zeros((3, 4)), np.ones((3, 4))))
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier"])
+@pytest.mark.parametrize("strategy", MASKS.names())
 def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
     dataset: Path, strategy: str
 ) -> None:
-    recipe = MaskRecipe.model_validate({"strategy": strategy})
+    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2, detector=1.0)
     data, vocabulary = Dataset.open(dataset), ("wall", "floor", "kitchen cabinet")
-    scenes = scenes_of(data, "train")
+    space = data.manifest.class_space
     graphs = {graph.scene_id: graph for graph in read_scene_graphs(dataset)}
+    scenes = scenes_of(data, "train")
     masked = sample_masked(data, scenes, mask=recipe, draw=1, vocabulary=vocabulary)
     assert len(masked) > 5
     for number, scene in enumerate(scenes):
-        partial = mask_scene(graphs[scene], recipe, draw=1, class_space=data.manifest.class_space)
-        ours, theirs = partial.observation(vocabulary=vocabulary), masked.seen.take([number])
+        partial = mask_scene(graphs[scene], recipe, draw=1, class_space=space)
+        withheld = list_withheld(recipe, partial, draw=1)
+        ours = partial.observation(vocabulary=vocabulary, withheld=withheld)
+        theirs = masked.seen.take([number])
         assert ours.scene_ids == theirs.scene_ids == (scene,)
         assert ours.vocabulary == theirs.vocabulary == vocabulary
         for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), name)
         np.testing.assert_array_equal(ours.connections.pairs, theirs.connections.pairs)
+        real = {str(obj.instance_id): obj.raw_category for obj in graphs[scene].objects}
+        assert all(real[obj.name] == obj.raw_category for obj in partial.objects)
 
 
 SEEN = np.array([[2.0, 0.0, 1.0]])

@@ -24,14 +24,16 @@ from bsg_robot.graph.formats import (
 )
 
 
-def test_the_longest_suffix_is_chosen_and_a_name_goes_before_it() -> None:
-    assert choose_format(Path("B.JSON")).name == "json"
-    assert choose_format(Path("b.dsg.json")).name == "spark-dsg"
-    assert choose_format(Path("folder/b.html")).name == "html"
+@pytest.mark.parametrize(
+    ("name", "chosen"),
+    [("B.JSON", "json"), ("b.dsg.json", "spark-dsg"), ("folder/b.html", "html")],
+)
+def test_the_longest_suffix_is_chosen(name: str, chosen: str) -> None:
+    assert choose_format(Path(name)).name == chosen
 
 
 @pytest.mark.parametrize("name", ["belief", "b.csv", ".json", "b.json.gz"])
-def test_an_unknown_suffix_is_named_with_those_that_are_known(name: str) -> None:
+def test_an_unknown_suffix_is_refused(name: str) -> None:
     with refuses(RecipeError, "format-unknown", name):
         choose_format(Path(name))
 
