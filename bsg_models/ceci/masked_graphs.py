@@ -23,7 +23,8 @@ from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import EdgeSet, list_edges
+from bsg_models.inputs.nodes import list_edges
+from bsg_models.zoo.settings import EdgeSet
 
 _BOTH: tuple[EdgeSet, ...] = ("up", "down")
 

@@ -72,7 +72,7 @@ class TrainingNodes:
         """Yield the buildings of the batches of an epoch."""
         order, size = self._order(epoch), self._config.training.batch_size
         choice = self._config.data
-        recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
+        recipes = vary_fractions(choice.mask, choice.fractions, epoch, len(self._scenes))
         for first in range(0, self._number, size):
             yield self._take(order[first : first + size], recipes, epoch)
 
@@ -127,7 +127,7 @@ class TrainingGraphs:
         if choice.masks == "fixed":
             graphs = MaskedGraphs.stored(self._data, "train", **how)
         else:
-            how |= {"mask": choice.fresh_mask, "draw": epoch, "fractions": choice.fractions}
+            how |= {"mask": choice.mask, "draw": epoch, "fractions": choice.fractions}
             graphs = MaskedGraphs.fresh(self._data, "train", **how)
         return [Data(**{name: one[name] for name in self._reads}) for one in graphs]
 
@@ -156,9 +156,7 @@ def mask_as_trained(
     for first in range(0, len(scenes), BATCH):
         rows = slice(first, first + BATCH)
         for draw in range(draws):
-            own = vary_fractions(config.data.fresh_mask, config.data.fractions, draw, len(scenes))[
-                rows
-            ]
+            own = vary_fractions(config.data.mask, config.data.fractions, draw, len(scenes))[rows]
             drawn.append(
                 sample_masked(data, scenes[rows], mask=own, draw=draw, vocabulary=vocabulary)
             )

@@ -14,7 +14,7 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.training.buildings import TrainingNodes
 from bsg_models.training.count_gradients import CountGradients, as_network
-from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.model import make_model
 
 
 def names(masked: MaskedBuildings) -> list[tuple[str, int]]:
@@ -36,7 +36,7 @@ def same(one: MaskedBuildings, other: MaskedBuildings) -> bool:
 @pytest.mark.parametrize("masks", ["fresh", "fixed"])
 def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> None:
     data, vocabulary = Dataset.open(dataset), ("wall", "floor", "curtain")
-    mask = 'data.mask={strategy="uniform"}' if masks == "fixed" else "data.withhold=0.0"
+    mask = 'data.mask={strategy="uniform"}' if masks == "fixed" else "data.mask.withhold=0.0"
     config = configure("universal", f"data.masks={masks}", mask, "training.batch_size=4")
     choice = config.data
     whole = (
@@ -45,7 +45,7 @@ def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> Non
         else sample_masked(
             data,
             scenes_of(data, "train"),
-            mask=vary_fractions(choice.fresh_mask, choice.fractions, 3, 10),
+            mask=vary_fractions(choice.mask, choice.fractions, 3, 10),
             draw=3,
             vocabulary=vocabulary,
         )

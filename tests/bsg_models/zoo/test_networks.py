@@ -156,7 +156,7 @@ def test_training_forgets_evidence_of_rooms_and_never_of_buildings() -> None:
     trained = features.forget(nodes, Dropout())
     quiet = features.forget(nodes, NO_DROPOUT)
     for name, kind in EVIDENCE.items():
-        columns = slice(first, first := first + kind.width)
+        columns = slice(first, first := first + kind.width())
         assert torch.equal(told[:, columns], nodes.evidence[name])
         assert quiet.evidence[name] is nodes.evidence[name]
         kept = (trained.evidence[name] == nodes.evidence[name]).all(dim=1)
