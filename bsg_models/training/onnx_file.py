@@ -31,7 +31,7 @@ from bsg_models.inputs.nodes import EVIDENCE, Neighbours, Nodes, encode_area, ma
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import choose_class_map
-from bsg_models.zoo.building_tilt import log_none_of, tilt_buildings, tilt_rooms
+from bsg_models.zoo.building_tilt import tilt
 from bsg_models.zoo.networks import CountNetwork, to_distribution
 
 _NODES = 5  # of the building that the exporter follows through the network; others have any number
@@ -195,13 +195,12 @@ class _OneBuilding(nn.Module):
         )
         learned = to_distribution(self._network.forward(self._weights, nodes))
         counts = self._network.calibrate(learned, share)  # type: ignore[arg-type]
-        none = log_none_of(torch.as_tensor(counts.presence) * ~is_building[:, None])
-        log_none = none.sum(dim=0, keepdim=True)
-        unlabelled = ((labels[1:].sum(dim=1) == 0) * 1.0).mean()
-        tilts = tilt_buildings(log_none, seen[:1] > 0, self._line)
+        share_of_tilt = torch.ones_like(hidden_share[:1])
         if self._network.reads_labels:
-            tilts = tilts * torch.where(source < 0, unlabelled, 1.0)
-        factors = tilt_rooms(tilts, log_none, none)
+            unlabelled = ((labels[1:].sum(dim=1) == 0) * 1.0).mean()
+            share_of_tilt = torch.where(source < 0, unlabelled, 1.0)
+        rooms = torch.as_tensor(counts.presence) * ~is_building[:, None]
+        tilts, log_none, factors = tilt(rooms, building, seen[:1] > 0, self._line, share_of_tilt)
         likelier: Any = torch.where(share > 0, factors, 0.0)
         counts = counts.with_none_likelier(likelier)
         mean = torch.as_tensor(counts.mean)[1:] * self._taught
