@@ -112,7 +112,7 @@ def _note_other_mask(config: RunConfig, dataset: Path) -> None:
     pairs = manifest.pairs
     if pairs is None:
         return
-    fresh, stored = choice.fresh_mask, pairs.mask
+    fresh, stored = choice.mask, pairs.mask
     if choice.masks == "fixed":
         if choice.fractions or fresh not in (stored, MaskRecipe()):
             print_note(

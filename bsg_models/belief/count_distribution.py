@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,12 +24,10 @@ from bsg_models.arrays import library_of, take_columns
 from bsg_models.belief.negative_binomial import (
     POISSON,
     TINY,
-    hidden_posterior,
-    hidden_tilts,
-    log_beyond_none,
-    log_negative_binomial,
+    log_counts,
     log_none,
-    log_normaliser,
+    log_seen,
+    none_seen,
     rising_slope,
     tilt_gains,
 )
@@ -122,13 +121,6 @@ class CountDistribution:
         presence: Floats = xp.where(there, present.sum(axis=0).clip(max=1.0), 0.0)
         return presence
 
-    @property
-    def log_odds_of_none(self) -> Floats:
-        """Log P(0) − log P(at least one), `[N, C]`, clipped to ±20.7 (a presence of 1e-9)."""
-        xp, present = library_of(self.means), self.presence
-        odds: Floats = xp.log((1 - present).clip(min=1e-9)) - xp.log(present.clip(min=1e-9))
-        return odds
-
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
         """Return log P(hidden = counts), `[N, C]`; `floor` bounds the means before tilts."""
         return self._floored(floor)._log_each(counts)[1]
@@ -136,26 +128,21 @@ class CountDistribution:
     def _floored(self, floor: float) -> CountDistribution:
         return replace(self, means=np.maximum(self.means, floor))
 
+    @np.errstate(divide="ignore")
     def _log_each(self, counts: Floats) -> tuple[Floats, Floats]:
         """Return log (weight · P(counts)) of every component, `[K, N, C]`, and log P, `[N, C]`."""
-        each = self._untilted_none.copy()
-        some = counts > 0  # most counts are 0 and need nothing more
-        with np.errstate(divide="ignore"):
-            r = self._dispersions(some)
-            each[:, some] += log_beyond_none(counts[some], self.means[:, some], r)
-            weights = np.log(self.weights)
+        log_p = self._untilted_none + np.log(self.weights)
+        tilts: Any = ()
         if self.tilts is not None:
-            each -= np.log(self._normaliser)
-            for count, tilt in enumerate(self.tilts):
-                each += tilt * (counts == count)
-        if len(each) == 1:
-            return each, np.minimum(each[0], 0.0)
-        each += weights
+            log_p, tilts = log_p - np.log(self._normaliser), self.tilts
+        positive = np.flatnonzero(counts)
+        each = log_counts(log_p, counts, positive, self.means, self._whole_dispersions, tilts)
         return each, np.minimum(log_sum_exp(each, axis=0), 0.0)
 
-    def _dispersions(self, some: npt.NDArray[np.bool_]) -> Floats:
-        """Return the dispersions of some cells, `[K, M]`."""
-        return np.broadcast_to(self.dispersions, self.means.shape)[:, some]
+    @property
+    def _whole_dispersions(self) -> Floats:
+        """Dispersions in the shape of the means."""
+        return np.broadcast_to(self.dispersions, self.means.shape)
 
     def log_probability_slopes(self, counts: Floats) -> tuple[Floats, Floats, Floats]:
         """Return log P(counts) `[N, C]`, and its derivatives by log μ and log r, `[K, N, C]`.
@@ -177,7 +164,7 @@ class CountDistribution:
         if one.tilts is not None:
             by_dispersion /= one._normaliser
         by_dispersion -= by_mean
-        by_dispersion[:, some] += rising_slope(counts[some], one._dispersions(some))
+        by_dispersion[:, some] += rising_slope(counts[some], one._whole_dispersions[:, some])
         by_mean *= self.means > MIN_RATE
         if len(each) == 1:
             return log_p, by_mean, by_dispersion
@@ -188,32 +175,18 @@ class CountDistribution:
         """Return log P(V = seen) at several hidden shares, `[S, N, C]`, of these *true* counts T.
 
         Each object is hidden independently with probability s, `shares` `[S, N]` below 1, so that
-        V ~ NB((1 − s) μ, r), and with tilts P(V = v) = NB_V(v) Z_v / Z. Most counts are 0, for
-        which NB_V(0) Z_0 = NB_V(0) + Σ_t NB(t) s^t (exp(a_t) − 1).
+        V ~ NB((1 − s) μ, r), and with tilts P(V = v) = NB_V(v) Z_v / Z.
         """
-        true = replace(self, means=np.maximum(self.means, MIN_RATE))
-        weights, share = true.weights, shares[:, None, :, None]
-        each = np.exp(log_none((1 - share) * true.means, true.dispersions))  # [S, K, N, C]
-        if true.tilts is not None:
-            weights = weights / true._normaliser
-            for count, gain in enumerate(true._gains):
-                each += share**count * gain
-        told: Floats = np.log(np.maximum((each * weights).sum(axis=1), TINY))
+        true = self._floored(MIN_RATE)
+        share = shares[:, None, :, None]
+        none = none_seen(share, true.means, true.dispersions, true._gains)  # [S, K, N, C]
+        log_p: Floats = np.log(np.maximum((none * true.weights).sum(axis=1), TINY))
         node, column = np.nonzero(seen)
-        some = true.take(node, column[:, None])
-        told[:, node, column] = some._log_some(seen[node, column][:, None], shares[:, node])[..., 0]
-        return told
-
-    def _log_some(self, seen: Counts, shares: Floats) -> Floats:
-        """Return what `log_seen` does, by logarithms alone: a count may be very unlikely."""
-        means, r, share = self.means, self.dispersions, shares[:, None, :, None]
-        each: Floats = log_negative_binomial(seen, (1 - share) * means, r)  # [S, K, N, C]
-        if self.tilts is not None:
-            hidden, dispersions = hidden_posterior(r, r / means, seen.astype(float), share)
-            tilts = np.stack(hidden_tilts(self.tilts, np.broadcast_to(seen, means.shape)))
-            each += log_normaliser(tilts[:, None], hidden, dispersions) - np.log(self._normaliser)
+        some, counts = true.take(node, column[:, None]), seen[node, column][:, None]
+        each = log_seen(counts, share[:, :, node], some.means, some.dispersions, some.tilts)
         with np.errstate(divide="ignore"):
-            return np.asarray(log_sum_exp(each + np.log(self.weights), axis=1))
+            log_p[:, node, column] = log_sum_exp(each + np.log(some.weights), axis=1)[..., 0]
+        return log_p
 
     def quantile(self, q: float) -> npt.NDArray[np.int64]:
         """Return the smallest count n with P(hidden ≤ n) of at least q, `[N, C]`; q is below 1."""

@@ -21,18 +21,20 @@ Every function takes arrays of NumPy or tensors of torch, and returns the same k
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_models.arrays import library_of
+from bsg_models.arrays import add_rows, library_of
 from bsg_models.special_functions import log_gamma
 
 Array = TypeVar("Array", bound=Any)  # of NumPy or of torch
 POISSON = 1e15  # the dispersion of a Poisson: its variance is μ (1 + μ / r)
 TINY = 1e-30  # a smaller normaliser is rounding error
 _LARGE = 1e6  # dispersion from which log Γ(r + count) − log Γ(r) has lost its digits
+_LEAST = 1e-9  # mean of what was seen: none is impossible
 _MOST_TILT = 600.0  # largest exponent computed: e^709 is the largest number
 
 
@@ -116,6 +118,44 @@ def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
     power = counts * (xp.log(mean) - xp.log(mean + dispersion))
     beyond: Array = _log_rising(counts, dispersion) - _log_gamma(counts + 1.0) + power
     return beyond
+
+
+def log_counts(
+    log_p: Array, counts: Array, positive: Array, mean: Array, dispersion: Array, tilts: Any
+) -> Array:
+    """Return log P(counts) `[K, N, C]` of K components from `log_p`, that of none before its tilt.
+
+    `positive` `[P]` are the places, of N · C, of the counts `[N, C]` above 0; most are 0.
+    """
+    for count, tilt in enumerate(tilts):
+        log_p = log_p + tilt * (counts == count)
+    flat = mean.shape[0], -1
+    some = (part.reshape(flat)[:, positive] for part in (mean, dispersion))
+    beyond = log_beyond_none(counts.reshape(-1)[positive], *some)
+    return add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
+
+
+def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Array]) -> Array:
+    """Return P(V = 0) if each of T objects is hidden with probability `share`; μ > 0.
+
+    Of the gains of T's tilts it is NB_V(0) Z_0 / Z, with NB_V(0) Z_0 = NB_V(0) + Σ_t gain_t s^t.
+    """
+    none = np.exp(log_none(np.maximum((1 - share) * mean, _LEAST), dispersion))
+    for count, gain in enumerate(gains):
+        none = none + share**count * gain
+    return none / np.maximum(1 + sum(gains), TINY)
+
+
+def log_seen(
+    seen: Array, share: Array, mean: Array, dispersion: Array, tilts: Array | None
+) -> Array:
+    """Return log P(V = seen) by logarithms alone: a count may be very unlikely."""
+    log_p: Array = log_negative_binomial(seen, np.maximum((1 - share) * mean, _LEAST), dispersion)
+    if tilts is None:
+        return log_p
+    hidden = hidden_posterior(dispersion, dispersion / mean, seen, share)
+    of_hidden = log_normaliser(hidden_tilts(tilts, seen), *hidden)
+    return log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
 
 
 def _log_rising(counts: Any, dispersion: Any) -> Any:

@@ -18,12 +18,13 @@ from torch_geometric.data import Dataset as GraphDataset
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import AnyPath
-from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, vary_fractions
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import EdgeSet, list_edges
+from bsg_models.inputs.nodes import list_edges
+from bsg_models.zoo.settings import EdgeSet
 
 _BOTH: tuple[EdgeSet, ...] = ("up", "down")
 
@@ -72,43 +73,34 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
     @classmethod
     def stored(
         cls,
-        path: AnyPath | Dataset,
+        path: AnyPath,
         split: Split,
         *,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = _BOTH,
-        vocabulary: tuple[str, ...] = (),
     ) -> MaskedGraphs:
-        """Read the stored pairs of a split, from a dataset's folder or an open dataset.
+        """Read the stored pairs of a split of a dataset.
 
         Raises:
             DatasetError: if there are none.
         """
-        data = path if isinstance(path, Dataset) else Dataset.open(path)
-        return cls(read_split(data, split, fold=fold, vocabulary=vocabulary), edges=edges)
+        return cls(read_split(Dataset.open(path), split, fold=fold), edges=edges)
 
     @classmethod
     def fresh(
         cls,
-        path: AnyPath | Dataset,
+        path: AnyPath,
         split: Split,
         *,
         mask: MaskRecipe,
         draw: int,
-        fractions: tuple[float, float] | None = None,
         fold: int | None = None,
         edges: Sequence[EdgeSet] = _BOTH,
-        vocabulary: tuple[str, ...] = (),
     ) -> MaskedGraphs:
-        """Sample mask number `draw` of every building of a split.
-
-        `fractions` is a range of the fraction, which then varies from mask to mask.
-        """
-        data = path if isinstance(path, Dataset) else Dataset.open(path)
+        """Sample mask number `draw` of every building of a split."""
+        data = Dataset.open(path)
         scenes = scenes_of(data, split, fold=fold)
-        recipes = vary_fractions(mask, fractions, draw, len(scenes))
-        masked = sample_masked(data, scenes, mask=recipes, draw=draw, vocabulary=vocabulary)
-        return cls(masked, edges=edges)
+        return cls(sample_masked(data, scenes, mask=mask, draw=draw), edges=edges)
 
     def len(self) -> int:
         """Return the number of masked buildings."""

@@ -29,14 +29,9 @@ from bsg_models.zoo.torch_module import TorchModule
 
 
 class Network(TorchModule, BeliefModel):
-    """A model that gradients train; a subclass defines its layers and `forward`.
-
-    Attributes:
-        reads: fields of a graph that `forward` takes, besides the edges; see `to_graph`.
-    """
+    """A model that gradients train; a subclass defines its layers and `forward`."""
 
     by_gradient = True
-    reads: tuple[str, ...] = ("x",)
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         TorchModule.__init__(self)

@@ -5,9 +5,9 @@ They are arrays of NumPy in an answer, and tensors of torch in a training (`Node
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,11 +24,6 @@ _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # several refrigerators, and a home was believed to have another with .13, now with .05.
 _MARK_SCALE = 4.0
 _Singles = npt.NDArray[np.float32]
-# `up` from rooms to the building, `down` from it to rooms, both ways between rooms that are known
-# to connect (`adjacent`), or between all rooms of a building (`complete`).
-EdgeSet = Literal["up", "down", "adjacent", "complete"]
-
-
 _Form = TypeVar("_Form", bound="Arrays")
 
 
@@ -48,7 +43,7 @@ class Nodes(Arrays):
     x: Array  # [N, C] counts that were seen
     y: Array  # [N, C] true counts, below 0 where there is none; [0, C] if not given
     hiding: Array  # [P] places, of N · C, of the cells of which objects are hidden
-    edges: Any  # [2, E] from and to, or the form that the network takes
+    neighbours: Neighbours
     building: Array  # [N] number of each node's building
     first: Array  # [B] row of each building's own node
     is_building: Array  # [N]
@@ -68,7 +63,7 @@ class Nodes(Arrays):
 class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
-    width: int
+    width: Callable[[], int]
     encode: Callable[[Surroundings], _Singles]  # [N or B, width] of order one; 0 if unknown
     of_building: bool = False
 
@@ -76,11 +71,15 @@ class _Encoding:
 def to_nodes(
     seen: Observation,
     *,
-    edges: Any = None,
+    edges: Collection[str] = (),
     targets: Counts | None = None,
     reads: Collection[str] = (),
 ) -> Nodes:
-    """Return an observation as arrays, with true counts `[N, C]` and the evidence that is read."""
+    """Return an observation as arrays, with true counts `[N, C]` and the evidence that is read.
+
+    Edges are `up` from rooms to the building, `down` from it to rooms, both ways between rooms that
+    are known to connect (`adjacent`), or between all rooms of a building (`complete`).
+    """
     building = seen.building
     evidence = {}
     for name in EVIDENCE.keys() & reads:
@@ -90,7 +89,7 @@ def to_nodes(
         x=_floats(seen.inputs),
         y=_floats(seen.inputs[:0] if targets is None else targets),
         hiding=np.flatnonzero(() if targets is None else targets > seen.inputs),
-        edges=edges,
+        neighbours=Neighbours.of(seen, edges),
         building=building,
         first=seen.starts[:-1],
         is_building=seen.is_building,
@@ -102,7 +101,7 @@ def to_nodes(
     )
 
 
-def list_edges(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
+def list_edges(seen: Observation, edges: Collection[str]) -> Ints:
     """Return the directed edges of all buildings by row, `[2, E]`, sorted and each once."""
     rooms, nodes = np.flatnonzero(~seen.is_building), len(seen.inputs)
     buildings = seen.starts[seen.building[rooms]]
@@ -142,7 +141,7 @@ class Neighbours(Arrays):
     of_pairs: Array  # [A, 1] weight of the first node of each pair for the second
 
     @classmethod
-    def of(cls, seen: Observation, edges: Sequence[EdgeSet]) -> Neighbours:
+    def of(cls, seen: Observation, edges: Collection[str]) -> Neighbours:
         """Return the same neighbours as those of `list_edges`."""
         adjacent = "adjacent" in edges and "complete" not in edges
         return cls.weigh(
@@ -163,7 +162,7 @@ class Neighbours(Arrays):
         is_building: Array,
         rooms: Array,
         pairs: Array,
-        edges: Sequence[EdgeSet],
+        edges: Collection[str],
     ) -> Neighbours:
         """Return the neighbours of nodes of buildings with some `rooms` each, `[N]`."""
         xp = library_of(is_building)
@@ -223,17 +222,19 @@ def mark(index: Array, width: int) -> Array:
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.
 EVIDENCE = {
-    "size": _Encoding(2, lambda around: encode_area(_floats(np.nan_to_num(around.floor_area)))),
-    "labels": _Encoding(len(list_room_labels()), lambda around: _floats(around.labels)),
+    "size": _Encoding(
+        lambda: 2, lambda around: encode_area(_floats(np.nan_to_num(around.floor_area)))
+    ),
+    "labels": _Encoding(lambda: len(list_room_labels()), lambda around: _floats(around.labels)),
     # A home is marked like an unknown kind, and HM3D like an unknown source: most robots are in
     # real homes, and a graph says neither.
     "kind": _Encoding(
-        len(BUILDING_KINDS) - 1,
+        lambda: len(BUILDING_KINDS) - 1,
         lambda around: mark(around.building_kinds - 1, len(BUILDING_KINDS) - 1),
         of_building=True,
     ),
     "source": _Encoding(
-        len(KNOWN_SOURCES) - 1,
+        lambda: len(KNOWN_SOURCES) - 1,
         lambda around: mark(around.sources - 1, len(KNOWN_SOURCES) - 1),
         of_building=True,
     ),

@@ -40,8 +40,7 @@ from bsg_models.runs.checkpoint_file import (
 from bsg_models.runs.run_folder import BEST
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import make_model
-from bsg_models.zoo.model import BeliefModel, State
+from bsg_models.zoo.model import BeliefModel, State, make_model
 
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset

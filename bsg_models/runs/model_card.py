@@ -214,7 +214,7 @@ def _list_facts(fields: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("class space", f"{mark_code(space['name'])}, {len(space['classes'])} classes"),
         ("sha256 of the classes", f"`{space['sha256']}`"),
         ("other categories that it reads", f"{len(fields['vocabulary']):,}"),
-        ("training masks", str(DataConfig.model_validate(config["data"]).fresh_mask)),
+        ("training masks", str(DataConfig.model_validate(config["data"]).mask)),
         ("seed", str(config["seed"])),
         ("sha256 of the dataset", f"`{fields['dataset_sha256']}`"),
     ]

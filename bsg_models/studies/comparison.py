@@ -37,8 +37,7 @@ from bsg_models.runs.found_model import FoundModel, find_model
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.zoo.catalogue import BASELINES, UNTRAINED
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.ensemble import make_model
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.model import BeliefModel, make_model
 from bsg_models.zoo.settings import DataConfig
 
 WHOLE = "whole dataset"  # instead of a split

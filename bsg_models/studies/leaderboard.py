@@ -52,7 +52,6 @@ from bsg_models.runs.run_folder import BEST, read_record
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import is_by_seed
 
 DATASET = "dataset"
 
@@ -77,7 +76,7 @@ class LeaderboardRecipe(Record):
 
     def count_seeds(self, config: RunConfig) -> int:
         """Return how many seeds train a model: one if no seed changes it."""
-        return self.seeds if is_by_seed(config) else 1
+        return self.seeds if config.is_by_seed else 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +208,7 @@ def _fit_to(
     if config.data.own_strategy:
         own = config.data.mask
         drawn = own.model_copy(update={"seed": _add(own.seed, more)})
-    data = config.data.under(drawn).model_copy(update={"fold": fold})
+    data = config.data.model_copy(update={"mask": drawn, "fold": fold})
     return config.model_copy(update={"data": data, "seed": _add(config.seed, more)})
 
 

@@ -10,10 +10,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import torch
-from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
-from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import (
     BATCH,
@@ -22,114 +20,54 @@ from bsg_data.observation.masked_buildings import (
     stack_masked,
     vary_fractions,
 )
-from bsg_data.recipes import MaskRecipe
-from bsg_models.ceci.masked_graphs import MaskedGraphs
-from bsg_models.ceci.network import Network
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import Nodes
-from bsg_models.training.count_gradients import CountGradients
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.torch_module import TorchModule
 
 _VAL_DRAWS = 10  # of every val building, if the stored pairs are of another kind than the training
 
 
-def feed_of(
-    network: Network | CountGradients, config: RunConfig, data: Dataset
-) -> TrainingGraphs | TrainingNodes:
-    """Return the batches of every epoch in the form that the loss of a network takes."""
-    if isinstance(network, CountGradients):
-        return TrainingNodes(config, data, network=network)
-    return TrainingGraphs(config, data, network=network)
-
-
-class TrainingNodes:
-    """The masked buildings of every epoch of one training, as the nodes that a count network reads.
+class TrainingBatches:
+    """The masked buildings of every epoch of a training, in the form that the network's loss takes.
 
     Stored pairs are held in memory; fresh masks are drawn a batch at a time.
     """
 
-    def __init__(self, config: RunConfig, data: Dataset, *, network: CountGradients) -> None:
+    def __init__(self, config: RunConfig, data: Dataset, *, network: TorchModule) -> None:
         self._config, self._data, self._network = config, data, network
-        vocabulary = self._vocabulary = network.vocabulary
-        fold, self._stored = config.data.fold, None
-        self._scenes = scenes_of(data, "train", fold=fold)
+        self._scenes = scenes_of(data, "train", fold=config.data.fold)
+        self._stored = None
         if config.data.masks == "fixed":
+            fold, vocabulary = config.data.fold, network.vocabulary
             self._stored = read_split(data, "train", fold=fold, vocabulary=vocabulary)
-        self._number = len(self._scenes if self._stored is None else self._stored)
+        self._number = len(self._stored or self._scenes)
+        self.steps = -(-self._number // config.training.batch_size)
 
-    @property
-    def steps(self) -> int:
-        """Number of steps of an epoch."""
-        return -(-self._number // self._config.training.batch_size)
-
-    def batches(self, epoch: int) -> Iterator[Nodes]:
+    def of(self, epoch: int) -> Iterator[Any]:
         """Yield the batches of an epoch."""
-        for some in self.masked(epoch):
-            yield self._network.read(some.seen, some.targets)
+        for masked in self.masked(epoch):
+            yield self._network.read(masked.seen, masked.targets)
 
     def masked(self, epoch: int) -> Iterator[MaskedBuildings]:
-        """Yield the buildings of the batches of an epoch."""
-        order, size = self._order(epoch), self._config.training.batch_size
-        choice = self._config.data
-        recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
-        for first in range(0, self._number, size):
-            yield self._take(order[first : first + size], recipes, epoch)
-
-    def _take(self, numbers: Ints, recipes: list[MaskRecipe], epoch: int) -> MaskedBuildings:
-        if self._stored is not None:
-            return self._stored.take(numbers)
-        return sample_masked(
-            self._data,
-            [self._scenes[number] for number in numbers],
-            mask=[recipes[number] for number in numbers],
-            draw=epoch,
-            vocabulary=self._vocabulary,
+        """Yield the buildings of the batches of an epoch, as PyG's loader shuffles them."""
+        choice, order = (
+            self._config.data,
+            torch.Generator().manual_seed(self._config.seed_of(epoch)),
         )
-
-    def _order(self, epoch: int) -> Ints:
-        order = torch.Generator().manual_seed(self._config.seed_of(epoch))
-        torch.empty((), dtype=torch.int64).random_(generator=order)  # as torch's loader did
-        permuted: Ints = torch.randperm(self._number, generator=order).numpy()
-        return permuted
-
-
-class TrainingGraphs:
-    """The graphs of every epoch of a training: stored pairs, as in the paper, or fresh masks.
-
-    They have the fields that the network reads, `edge_index` and `y`.
-    """
-
-    def __init__(self, config: RunConfig, data: Dataset, *, network: Network) -> None:
-        self._config, self._data, self._vocabulary = config, data, network.vocabulary
-        self._reads = (*network.reads, "edge_index", "y")
-        self._first = self._take(1)
-        self.steps = -(-len(self._first) // config.training.batch_size)
-
-    def batches(self, epoch: int) -> DataLoader:
-        """Return the batches of an epoch, whose order depends on (seed, epoch) alone."""
-        is_drawn = self._config.data.masks == "fixed" or epoch == 1
-        return DataLoader(
-            self._first if is_drawn else self._take(epoch),
-            batch_size=self._config.training.batch_size,
-            shuffle=True,
-            generator=torch.Generator().manual_seed(self._config.seed_of(epoch)),
-        )
-
-    def _take(self, epoch: int) -> list[Data]:
-        """Return the stored pairs of the train buildings, or their masks of an epoch."""
-        choice = self._config.data
-        how: dict[str, Any] = {
-            "fold": choice.fold,
-            "edges": choice.edges,
-            "vocabulary": self._vocabulary,
-        }
-        if choice.masks == "fixed":
-            graphs = MaskedGraphs.stored(self._data, "train", **how)
-        else:
-            how |= {"mask": choice.fresh_mask, "draw": epoch, "fractions": choice.fractions}
-            graphs = MaskedGraphs.fresh(self._data, "train", **how)
-        return [Data(**{name: one[name] for name in self._reads}) for one in graphs]
+        recipes = vary_fractions(choice.mask, choice.fractions, epoch, len(self._scenes))
+        size, numbers = self._config.training.batch_size, range(self._number)
+        for some in DataLoader(numbers, batch_size=size, shuffle=True, generator=order):
+            if self._stored is not None:
+                yield self._stored.take(some.numpy())
+                continue
+            yield sample_masked(
+                self._data,
+                [self._scenes[number] for number in some],
+                mask=[recipes[number] for number in some],
+                draw=epoch,
+                vocabulary=self._network.vocabulary,
+            )
 
 
 def validation_buildings(
@@ -152,14 +90,11 @@ def mask_as_trained(
     draws: int,
 ) -> MaskedBuildings:
     """Return some buildings under fresh masks of the kind of a training."""
-    drawn = []
+    choice, drawn = config.data, []
     for first in range(0, len(scenes), BATCH):
         rows = slice(first, first + BATCH)
         for draw in range(draws):
-            own = vary_fractions(config.data.fresh_mask, config.data.fractions, draw, len(scenes))[
-                rows
-            ]
-            drawn.append(
-                sample_masked(data, scenes[rows], mask=own, draw=draw, vocabulary=vocabulary)
-            )
+            masks = vary_fractions(choice.mask, choice.fractions, draw, len(scenes))[rows]
+            some = sample_masked(data, scenes[rows], mask=masks, draw=draw, vocabulary=vocabulary)
+            drawn.append(some)
     return stack_masked(drawn)

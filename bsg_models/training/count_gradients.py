@@ -13,7 +13,7 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE
-from bsg_models.belief.negative_binomial import log_beyond_none, log_none, log_normaliser
+from bsg_models.belief.negative_binomial import log_counts, log_none, log_normaliser
 from bsg_models.ceci.network import Network
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.layers import NO_DROPOUT, NoDropout
@@ -72,14 +72,8 @@ class CountGradients(TorchModule):
         mean, dispersion = found.mean.clamp(min=MIN_RATE), found.dispersion
         hidden = (nodes.y - nodes.x).clamp(min=0)
         none = log_none(mean, dispersion)
-        each = none - log_normaliser(found.tilts, mean, dispersion, none=none) + found.log_weight
-        for count, tilt in enumerate(found.tilts):
-            each = each + tilt * (hidden == count)
-        beyond = log_beyond_none(
-            hidden.flatten()[nodes.hiding],
-            *(one.flatten(1).index_select(1, nodes.hiding) for one in (mean, dispersion)),
-        )
-        each = each.flatten(1).index_add(1, nodes.hiding, beyond).view_as(each)
+        log_p = none - log_normaliser(found.tilts, mean, dispersion, none=none) + found.log_weight
+        each = log_counts(log_p, hidden, nodes.hiding, mean, dispersion, found.tilts)
         cells = torch.where(known, torch.logsumexp(each, dim=0), 0.0)
         return -cells.sum() / known.sum().clamp(min=1)  # a batch may have no rooms
 

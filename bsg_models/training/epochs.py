@@ -22,7 +22,6 @@ from torch import nn
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
 from bsg_data.observation.masked_buildings import BATCH
-from bsg_models.ceci.network import Network
 from bsg_models.errors import TrainingError
 from bsg_models.runs.checkpoint import (
     load_checkpoint,
@@ -31,13 +30,7 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import EpochReport, encode_metrics
-from bsg_models.training.buildings import (
-    TrainingGraphs,
-    TrainingNodes,
-    feed_of,
-    validation_buildings,
-)
-from bsg_models.training.count_gradients import CountGradients
+from bsg_models.training.buildings import TrainingBatches, validation_buildings
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import State
 from bsg_models.zoo.settings import Device, TrainingConfig
@@ -98,13 +91,13 @@ class GradientSteps:
         self.optimiser = _make_optimiser(model, config.training)
         self._config, self._device = config, device
 
-    def train_epoch(self, feed: TrainingGraphs | TrainingNodes, epoch: int) -> float:
+    def train_epoch(self, batches: TrainingBatches, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
-        training, steps = self._config.training, feed.steps
+        training, steps = self._config.training, batches.steps
         torch.manual_seed(self._config.seed_of(epoch))  # of dropout
         self.model.train()
         losses = []
-        for step, batch in enumerate(feed.batches(epoch), (epoch - 1) * steps):
+        for step, batch in enumerate(batches.of(epoch), (epoch - 1) * steps):
             for group in self.optimiser.param_groups:
                 group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
             self.optimiser.zero_grad()
@@ -167,7 +160,7 @@ def find_device(wanted: Device) -> torch.device:
 
 
 def train_network(
-    network: Network | CountGradients,
+    network: TorchModule,
     config: RunConfig,
     data: Dataset,
     *,
@@ -190,7 +183,7 @@ def train_network(
         The weights of the lowest validation loss, and one report per epoch.
     """
     training, device = config.training, find_device(config.training.device)
-    feed = feed_of(network, config, data)
+    batches = TrainingBatches(config, data, network=network)
     masked = validation_buildings(config, data, vocabulary=network.vocabulary)
     validation = [network.read(one.seen, one.targets) for one in masked.batches(BATCH)]
     network.fit(data, config.data)
@@ -202,7 +195,7 @@ def train_network(
         if done.waited(training.patience):
             break
         began = time.perf_counter()
-        train_loss, val_loss = steps.train_epoch(feed, epoch), None
+        train_loss, val_loss = steps.train_epoch(batches, epoch), None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
             val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():

@@ -11,7 +11,6 @@ import logging
 import warnings
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -28,32 +27,15 @@ from bsg_data.results import was_stopped, write_files
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
-from bsg_models.inputs.nodes import EVIDENCE, Nodes, encode_area, mark
+from bsg_models.inputs.nodes import EVIDENCE, Neighbours, Nodes, encode_area, mark
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import choose_class_map
-from bsg_models.zoo.building_tilt import log_none_of, tilt_buildings, tilt_rooms
+from bsg_models.zoo.building_tilt import tilt
 from bsg_models.zoo.networks import CountNetwork, to_distribution
 
 _NODES = 5  # of the building that the exporter follows through the network; others have any number
-
-
 _OF_BUILDING = ("building_kind", "source")
-
-
-@dataclass(frozen=True, eq=False)
-class _Inputs:
-    """The inputs of the file: one building with N − 1 rooms, itself first."""
-
-    seen: torch.Tensor  # [N, C] objects that were seen
-    others: torch.Tensor  # [N, V] seen objects of the vocabulary, outside the classes
-    hidden_share: torch.Tensor  # [N]
-    visited: torch.Tensor  # [N] 1 or 0
-    withheld: torch.Tensor  # [N, C] 1 or 0
-    floor_area: torch.Tensor  # [N] m², 0 if unknown
-    labels: torch.Tensor  # [N, L] P(label), all 0 if unknown
-    building_kind: torch.Tensor  # [1] place in `BUILDING_KINDS`, −1 if unknown
-    source: torch.Tensor  # [1] place in `KNOWN_SOURCES`, −1 if unknown
 
 
 def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
@@ -93,12 +75,11 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     with _said_nothing():
         program: Any = torch.onnx.export(
             _OneBuilding(network, ~np.isin(header.class_space.classes, header.untaught)).eval(),
-            tuple(getattr(inputs, one.name) for one in fields(inputs)),
-            input_names=[one.name for one in fields(inputs)],
+            tuple(inputs.values()),
+            input_names=list(inputs),
             output_names=["expected", "presence"],
             dynamic_shapes={
-                one.name: {0: nodes} if one.name not in _OF_BUILDING else {}
-                for one in fields(inputs)
+                name: {0: nodes} if name not in _OF_BUILDING else {} for name in inputs
             },
             dynamo=True,
             verbose=False,
@@ -148,20 +129,23 @@ def _said_nothing() -> Iterator[None]:
         log.setLevel(level)
 
 
-def _make_inputs(network: CountNetwork) -> _Inputs:
-    """Return inputs for the exporter to follow; it takes one tensor for one input."""
+def _make_inputs(network: CountNetwork) -> dict[str, torch.Tensor]:
+    """Return the inputs of the file, of one building with N − 1 rooms, for the exporter to follow.
+
+    They are the arguments of `_OneBuilding.forward`.
+    """
     classes, words = network.inputs.classes, len(network.vocabulary)
-    return _Inputs(
-        seen=torch.ones(_NODES, classes),
-        others=torch.ones(_NODES, words),
-        hidden_share=torch.full((_NODES,), 0.5),
-        visited=torch.ones(_NODES),
-        withheld=torch.zeros(_NODES, classes),
-        floor_area=torch.ones(_NODES),
-        labels=torch.zeros(_NODES, len(list_room_labels())),
-        building_kind=torch.tensor([-1]),
-        source=torch.tensor([-1]),
-    )
+    return {
+        "seen": torch.ones(_NODES, classes),  # objects that were seen
+        "others": torch.ones(_NODES, words),  # seen objects of the vocabulary, outside the classes
+        "hidden_share": torch.full((_NODES,), 0.5),
+        "visited": torch.ones(_NODES),  # 1 or 0
+        "withheld": torch.zeros(_NODES, classes),  # 1 or 0
+        "floor_area": torch.ones(_NODES),  # m², 0 if unknown
+        "labels": torch.zeros(_NODES, len(list_room_labels())),  # P(label), all 0 if unknown
+        "building_kind": torch.tensor([-1]),  # place in `BUILDING_KINDS`, −1 if unknown
+        "source": torch.tensor([-1]),  # place in `KNOWN_SOURCES`, −1 if unknown
+    }
 
 
 class _OneBuilding(nn.Module):
@@ -188,20 +172,20 @@ class _OneBuilding(nn.Module):
         """Return the expected hidden counts, and P(at least one), each `[N, C]`."""
         share = torch.where(withheld > 0, 1.0, hidden_share[:, None])
         building = torch.zeros_like(hidden_share, dtype=torch.int64)
-        is_building = torch.arange(seen.shape[0]) == 0
+        first, is_building = building[:1], torch.arange(seen.shape[0]) == 0
         told = {
             "size": encode_area(floor_area),
             "labels": labels,
-            "kind": mark(building_kind - 1, EVIDENCE["kind"].width)[building],
-            "source": mark(source - 1, EVIDENCE["source"].width)[building],
+            "kind": mark(building_kind - 1, EVIDENCE["kind"].width())[building],
+            "source": mark(source - 1, EVIDENCE["source"].width())[building],
         }
         nodes = Nodes(
             x=seen,
             y=seen[:0],
             hiding=building[:0],
-            edges=self._network.edges_of_one(is_building),
+            neighbours=self._weigh_neighbours(building, first, is_building),
             building=building,
-            first=torch.zeros(1, dtype=torch.int64),
+            first=first,
             is_building=is_building,
             visited=visited > 0,
             hidden_share=hidden_share,
@@ -211,13 +195,12 @@ class _OneBuilding(nn.Module):
         )
         learned = to_distribution(self._network.forward(self._weights, nodes))
         counts = self._network.calibrate(learned, share)  # type: ignore[arg-type]
-        none = log_none_of(torch.as_tensor(counts.presence) * ~is_building[:, None])
-        log_none = none.sum(dim=0, keepdim=True)
-        unlabelled = ((labels[1:].sum(dim=1) == 0) * 1.0).mean()
-        tilts = tilt_buildings(log_none, seen[:1] > 0, self._line)
+        share_of_tilt = torch.ones_like(hidden_share[:1])
         if self._network.reads_labels:
-            tilts = tilts * torch.where(source < 0, unlabelled, 1.0)
-        factors = tilt_rooms(tilts, log_none, none)
+            unlabelled = ((labels[1:].sum(dim=1) == 0) * 1.0).mean()
+            share_of_tilt = torch.where(source < 0, unlabelled, 1.0)
+        rooms = torch.as_tensor(counts.presence) * ~is_building[:, None]
+        tilts, log_none, factors = tilt(rooms, building, seen[:1] > 0, self._line, share_of_tilt)
         likelier: Any = torch.where(share > 0, factors, 0.0)
         counts = counts.with_none_likelier(likelier)
         mean = torch.as_tensor(counts.mean)[1:] * self._taught
@@ -228,3 +211,16 @@ class _OneBuilding(nn.Module):
             some / (some + torch.exp(log_none + tilts)) * self._taught,
         )
         return torch.cat([whole[0], mean]).float(), torch.cat([whole[1], presence]).float()
+
+    def _weigh_neighbours(
+        self, building: torch.Tensor, first: torch.Tensor, is_building: torch.Tensor
+    ) -> Neighbours:
+        """Return which nodes of the building hear of which, without doors."""
+        return Neighbours.weigh(
+            building=building,
+            first=first,
+            is_building=is_building,
+            rooms=building + (building.shape[0] - 1),
+            pairs=torch.zeros((2, 0), dtype=torch.int64),
+            edges=self._network.inputs.edges,
+        )

@@ -49,9 +49,8 @@ from bsg_models.zoo.calibration import (
     fit_presence_calibration,
     take_sample,
 )
-from bsg_models.zoo.config import RunConfig, write_toml
-from bsg_models.zoo.ensemble import Ensemble, find_member, make_model, reads_categories
-from bsg_models.zoo.model import BeliefModel, one_thread
+from bsg_models.zoo.config import RunConfig, find_member, write_toml
+from bsg_models.zoo.model import BeliefModel, make_model, one_thread
 
 _PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
@@ -125,7 +124,7 @@ class _Training:
         model, fields = new_model(config, self.data), dict[str, Any]()
         network, reports = as_network(model), list[EpochReport]()
         with one_thread():
-            if isinstance(model, Ensemble):
+            if model.members:
                 fields["members"] = self._train_members(model, config)
             elif network is None:
                 model.fit(self.data, config.data)
@@ -148,7 +147,7 @@ class _Training:
             fields["calibrated"] = _calibrate_if_wanted(model, config, self.data)
         return _Trained(model, fields, tuple(reports))
 
-    def _train_members(self, model: Ensemble, config: RunConfig) -> dict[str, RunConfig]:
+    def _train_members(self, model: BeliefModel, config: RunConfig) -> dict[str, RunConfig]:
         """Train the members of an ensemble, one after another; return their configurations."""
         configs = {name: member_config(config, name) for name in model.members}
         for number, (name, own) in enumerate(configs.items()):
@@ -215,14 +214,11 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     """Return a new model for a dataset; its vocabulary is that of the training set."""
     torch.manual_seed(config.seed)
     scenes = scenes_of(data, "train", fold=config.data.fold)
-    reads = reads_categories(config)
-    return make_model(
-        config,
-        classes=len(data.manifest.class_space.classes),
-        vocabulary=(
-            vocabulary_of(data, scenes, min_scenes=config.data.min_scenes) if reads else ()
-        ),
-    )
+    vocabulary: tuple[str, ...] = ()
+    if config.reads_categories:
+        vocabulary = vocabulary_of(data, scenes, min_scenes=config.data.min_scenes)
+    classes = len(data.manifest.class_space.classes)
+    return make_model(config, classes=classes, vocabulary=vocabulary)
 
 
 def _calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
@@ -280,5 +276,5 @@ def member_config(config: RunConfig, name: str) -> RunConfig:
     """Return the configuration of a member: its own recipe, with the ensemble's seed and data."""
     member = find_member(name)
     chosen = {name: getattr(config.data, name) for name in ("fold", "min_scenes")}
-    data = member.data.under(config.data.mask).model_copy(update=chosen)
+    data = member.data.model_copy(update={"mask": config.data.mask, **chosen})
     return member.model_copy(update={"seed": config.seed, "data": data})

@@ -23,7 +23,7 @@ that have no label.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def tilt_buildings(log_none: Array, seen: Array, line: Array) -> Array:
         line: `[2, 3, B, A]`, or broadcast: shift, slope and bend of classes not seen, and seen.
     """
     xp = library_of(log_none)
-    odds = _log_odds(log_none)
+    odds = log_odds(log_none)
     bent = _bend(odds)
     unseen, again = (shift + slope * odds + bend * bent for shift, slope, bend in line)
     return xp.where(seen, again, unseen) * (log_none < 0)  # none without rooms
@@ -86,6 +86,24 @@ def tilt_rooms(tilts: Array, log_none: Array, others: Array) -> Array:
     """
     xp = library_of(tilts)
     return xp.log((1 + xp.exp(log_none - others) * xp.expm1(tilts)).clip(min=TINY))
+
+
+def tilt(
+    presence: Array, building: Array, seen: Array, line: Array, share: Array
+) -> tuple[Array, Array, Array]:
+    """Return tilts and log P of B buildings, `[B, A]`, and what tilts add to rooms, `[M, A]`.
+
+    Args:
+        presence: `[M, A]` of independent rooms.
+        building: `[M]` of each room.
+        seen: `[B, A]` whether one of the class was seen in the building.
+        line: as of `tilt_buildings`.
+        share: `[B, 1]` of the tilt that each building gets.
+    """
+    none = log_none_of(presence)
+    log_none = sum_by_building(none, building, len(seen))
+    tilts = tilt_buildings(log_none, seen, line) * share
+    return tilts, log_none, tilt_rooms(tilts[building], log_none[building], none)
 
 
 def untilt(rooms: Floats, whole: Floats) -> Floats:
@@ -107,8 +125,10 @@ def untilt(rooms: Floats, whole: Floats) -> Floats:
     return np.where((rooms > _FEW).sum(axis=0) > 1, (low + high) / 2, 1.0)
 
 
-def sum_by_building(values: Floats, building: Ints, number: int) -> Floats:
+def sum_by_building(values: Array, building: Array, number: int) -> Array:
     """Return the sums over rooms `[M, A]` of each of some buildings, `[number, A]`."""
+    if not isinstance(values, np.ndarray):  # of torch: a file of another program asks of one
+        return values.sum(axis=0, keepdims=True)
     sums = np.zeros((number, values.shape[1]))
     if len(values):
         first = np.flatnonzero(np.diff(building, prepend=-1))
@@ -138,7 +158,7 @@ def fit_building_tilt(presence: Floats, masked: MaskedBuildings, share: Floats) 
     lines = np.zeros((2, 3, log_none.shape[1]))
     for line, own in zip(lines, (seen.inputs[first] == 0, seen.inputs[first] > 0), strict=True):
         row, column = np.nonzero(counts & own)
-        odds, none = _log_odds(log_none[row, column]), hidden[row, column] == 0
+        odds, none = log_odds(log_none[row, column]), hidden[row, column] == 0
         parts = share[row, 0] * np.stack([np.ones_like(odds), odds, _bend(odds)])
         line[:] = _fit_line(
             odds, none, parts, column=column, weight=weight[row], classes=line.shape[1]
@@ -150,30 +170,57 @@ def _fit_line(
     odds: Floats, none: Bools, parts: Floats, *, column: Ints, weight: Floats, classes: int
 ) -> Floats:
     """Return the line `[3, C]` of cells `[K]` of one state; a tilt is a sum of parts `[3, K]`."""
+    from scipy.sparse import csr_array, hstack  # only trainings come here
+
+    cells, shape = np.arange(len(odds)), (len(odds), classes)
+    own = [csr_array((part, (cells, column)), shape=shape) for part in parts[:2]]
+    design = hstack([*own, csr_array(parts.T)], format="csr")
     prior = np.repeat([_OF_SHIFT, _OF_SLOPE, _OF_LINE], [classes, classes, 3])
-
-    def cost(numbers: Floats) -> tuple[float, Floats]:
-        own, same = numbers[: 2 * classes].reshape(2, classes), numbers[2 * classes :]
-        tilted = odds + (own[:, column] * parts[:2]).sum(axis=0) + same @ parts
-        loss = weight * (np.logaddexp(0.0, tilted) - none * tilted)
-        slope = weight * (1 / (1 + np.exp(-tilted)) - none)
-        each = [np.bincount(column, slope * part, classes) for part in parts[:2]]
-        gradient = np.concatenate([*each, parts @ slope])
-        return float(loss.sum() + prior @ numbers**2), gradient + 2 * prior * numbers
-
-    from scipy.optimize import minimize  # only trainings come here
-
-    fitted = minimize(cost, np.zeros(len(prior)), jac=True, method="L-BFGS-B").x
+    fitted = fit_odds(odds, none, design, prior=prior, weight=weight)
     line = np.tile(fitted[2 * classes :, None], classes)
     line[:2] += fitted[: 2 * classes].reshape(2, classes)
     return line
 
 
-def _log_odds(log_none: Array) -> Array:
-    xp = library_of(log_none)
-    some = -xp.expm1(log_none)
-    odds: Array = log_none - xp.log(some.clip(min=TINY))
-    return odds.clip(-_SURE, _SURE)
+def fit_odds(
+    odds: Floats,
+    none: Bools,
+    design: Any,
+    *,
+    prior: Floats,
+    weight: Floats | float = 1.0,
+    limit: float | None = None,
+) -> Floats:
+    """Return the numbers b `[P]` that make `none` `[K]` likeliest: a logistic regression.
+
+    Args:
+        odds: `[K]` log odds of none, to which `design` @ b is added.
+        none: `[K]` whether there was none.
+        design: `[K, P]`, dense or sparse.
+        prior: `[P]` weights of b², in log-likelihoods of cells.
+        weight: `[K]` of the cells.
+        limit: of the numbers.
+    """
+
+    def cost(numbers: Floats) -> tuple[float, Floats]:
+        mended = odds + design @ numbers
+        loss = weight * (np.logaddexp(0.0, mended) - none * mended)
+        slope = weight * (1 / (1 + np.exp(-mended)) - none)
+        gradient = design.T @ slope + 2 * prior * numbers
+        return float(loss.sum() + prior @ numbers**2), gradient
+
+    from scipy.optimize import minimize  # only trainings come here
+
+    bounds = None if limit is None else [(-limit, limit)] * len(prior)
+    start = np.zeros(len(prior))
+    return np.asarray(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+
+
+def log_odds(log_p: Array, *, limit: float = _SURE) -> Array:
+    """Return the log odds of probabilities by their logarithms, from −limit to limit."""
+    xp = library_of(log_p)
+    odds: Array = log_p - xp.log((-xp.expm1(log_p)).clip(min=TINY))
+    return odds.clip(-limit, limit)
 
 
 def _bend(odds: Array) -> Array:

@@ -16,6 +16,7 @@ At last, a tilt of what whole buildings hide makes their rooms depend on each ot
 from __future__ import annotations
 
 import copy
+import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
@@ -28,11 +29,11 @@ from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import TINY
 from bsg_models.zoo.building_tilt import (
+    fit_odds,
     log_none_of,
+    log_odds,
     share_to_tilt,
-    sum_by_building,
-    tilt_buildings,
-    tilt_rooms,
+    tilt,
 )
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
@@ -41,6 +42,7 @@ from bsg_models.zoo.settings import ModelConfig
 if TYPE_CHECKING:
     from bsg_data.observation.masked_buildings import MaskedBuildings
 
+_SURE = -math.log(1e-9)  # log odds beyond which all presences are alike
 _PRIOR = 10.0  # weight, in cells' log-likelihood, of the penalty for a line that is off by 1
 
 
@@ -124,13 +126,12 @@ class CalibratedModel(BeliefModel):
 
         A share `[B, 1]` is tilted; columns `[B, A]` are the classes, None for all.
         """
-        none, known = log_none_of(presence), seen.inputs[seen.starts[:-1]] > 0
+        found = seen.inputs[seen.starts[:-1]] > 0
         if columns is not None:
-            known = take_columns(known, columns)
-        log_none = sum_by_building(none, building, len(seen))
+            found = take_columns(found, columns)
         line = self.building_calibration[:, :, None if columns is None else columns]
-        tilts = tilt_buildings(log_none, known, line) * tilted
-        return tilts, tilt_rooms(tilts[building], log_none[building], none)
+        tilts, _, factors = tilt(presence, building, found, line, tilted)
+        return tilts, factors
 
     def _calibrate_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
@@ -208,7 +209,12 @@ def _recalibrate_presence(
     """Return the distribution under the `lines` `[2, 2]`, `looked_into` `[N, C]` or not."""
     xp = library_of(looked_into)
     shift, slope = (xp.where(looked_into, here, away) for here, away in lines.T.tolist())
-    return distribution.with_none_likelier(shift + slope * distribution.log_odds_of_none)
+    return distribution.with_none_likelier(shift + slope * _log_odds_of_none(distribution))
+
+
+def _log_odds_of_none(distribution: CountDistribution) -> Floats:
+    odds: Floats = log_odds(log_none_of(distribution.presence), limit=_SURE)
+    return odds
 
 
 def fit_presence_calibration(
@@ -220,23 +226,11 @@ def fit_presence_calibration(
     regression. A weak prior holds a line that few cells determine. Cells that hide nothing (`share`
     `[N, C]` of 0) are not used.
     """
-    odds, none = distribution.log_odds_of_none, hidden == 0
-    lines = np.zeros((2, 2))
+    odds, none = _log_odds_of_none(distribution), hidden == 0
+    lines, prior = np.zeros((2, 2)), np.full(2, _PRIOR)
     for line, cells in zip(lines, ((share > 0) & (share < 1), share == 1), strict=True):
         if cells.any():
-            line[:] = _fit_line(odds[cells], none[cells])
+            own = odds[cells]
+            design = np.stack([np.ones_like(own), own], axis=1)
+            line[:] = fit_odds(own, none[cells], design, prior=prior, limit=1.0)
     return lines
-
-
-def _fit_line(odds: Floats, none: Bools) -> Floats:
-    def cost(line: Floats) -> tuple[float, Floats]:
-        mended = odds + line[0] + line[1] * odds
-        loss = np.logaddexp(0.0, mended) - none * mended
-        slope = 1 / (1 + np.exp(-mended)) - none
-        gradient = np.array([slope.sum(), slope @ odds]) + 2 * _PRIOR * line
-        return float(loss.sum()) + _PRIOR * float(line @ line), gradient
-
-    from scipy.optimize import minimize
-
-    bounds = [(-1.0, 1.0)] * 2
-    return np.asarray(minimize(cost, np.zeros(2), jac=True, method="L-BFGS-B", bounds=bounds).x)

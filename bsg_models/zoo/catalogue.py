@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bsg_data.registry import Registry
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
-
-if TYPE_CHECKING:
-    from bsg_models.zoo.model import BeliefModel, ModelInputs
 
 
 @dataclass(frozen=True)
@@ -21,7 +18,7 @@ class ZooRow:
     """A model of the zoo."""
 
     config: ModelConfig  # the model's own settings
-    make: Callable[[Any, ModelInputs], BeliefModel]  # its class, called with such settings
+    make: Callable[..., Any]  # its `BeliefModel`, called with such settings and `ModelInputs`
     data: DataConfig = DataConfig()
     training: TrainingConfig = TrainingConfig()  # models fitted by counting ignore it
     summary: str = ""  # if empty, the first line of the docstring of the settings

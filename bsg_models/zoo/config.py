@@ -52,6 +52,22 @@ class RunConfig(Record):
 
         return int(np.random.SeedSequence([self.seed, epoch]).generate_state(1)[0])
 
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Names of the members of an ensemble; none of other models."""
+        return getattr(self.model, "members", ())
+
+    @property
+    def reads_categories(self) -> bool:
+        """Whether it reads visible objects outside the classes."""
+        reads = "categories" in getattr(self.model, "reads", ())
+        return reads or any(find_member(name).reads_categories for name in self.members)
+
+    @property
+    def is_by_seed(self) -> bool:
+        """Whether another seed may train another model; an ensemble counts as such."""
+        return bool(getattr(ZOO[self.model.family].make, "by_seed", True))
+
     @field_validator("name")
     @classmethod
     def _name_is_printable(cls, value: str) -> str:
@@ -94,6 +110,14 @@ def find_config(name: str) -> RunConfig:
     training = row.training.model_copy(update=settings.get("training", {}))
     name = settings.get("name", model)
     return RunConfig(name=name, model=row.config, data=row.data, training=training)
+
+
+def find_member(name: str) -> RunConfig:
+    """Return the configuration of a member of an ensemble, which is none itself."""
+    config = find_config(name)
+    if config.members:
+        raise ConfigError(f"{name} is an ensemble itself; name its members instead")
+    return config
 
 
 def read_config(path: AnyPath) -> dict[str, Any]:

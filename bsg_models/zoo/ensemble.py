@@ -1,4 +1,4 @@
-"""Make new models from configurations; an ensemble is the mixture of its members."""
+"""An ensemble: the mixture of what other models believe."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from pydantic import Field, model_validator
 from bsg_data.arrays import Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution, blend
-from bsg_models.errors import ConfigError
 from bsg_models.zoo.calibration import CalibratedModel
-from bsg_models.zoo.catalogue import ZOO, ZooRow
-from bsg_models.zoo.config import RunConfig, find_config
-from bsg_models.zoo.model import BeliefModel, ModelInputs, State, require_same_shapes
-from bsg_models.zoo.settings import ANY_MASK, ModelConfig
+from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.model import State, require_same_shapes
+from bsg_models.zoo.networks import ANY_MASK
+from bsg_models.zoo.settings import ModelConfig
 
 
 class EnsembleConfig(ModelConfig):
@@ -41,10 +40,6 @@ class Ensemble(CalibratedModel):
     """
 
     config: EnsembleConfig
-
-    def __init__(self, config: EnsembleConfig, inputs: ModelInputs) -> None:
-        super().__init__(config, inputs)
-        self.members: dict[str, BeliefModel] = {}
 
     @property
     def reads_labels(self) -> bool:
@@ -79,54 +74,6 @@ class Ensemble(CalibratedModel):
         """Return the mixture of the members' beliefs about some rooms."""
         parts = [member.predict_rooms(seen, rows, columns) for member in self.members.values()]
         return blend(parts, [1 / len(parts)] * len(parts))
-
-
-def find_member(name: str) -> RunConfig:
-    """Return the configuration of a member of an ensemble, which is none itself."""
-    config = find_config(name)
-    if isinstance(config.model, EnsembleConfig):
-        raise ConfigError(f"{name} is an ensemble itself; name its members instead")
-    return config
-
-
-def reads_categories(config: RunConfig) -> bool:
-    """Return whether a model reads visible objects outside the classes."""
-    if isinstance(config.model, EnsembleConfig):
-        return any(reads_categories(find_member(name)) for name in config.model.members)
-    return "categories" in getattr(config.model, "reads", ())
-
-
-def is_by_seed(config: RunConfig) -> bool:
-    """Return whether another seed may train another model; an ensemble counts as such."""
-    return bool(getattr(ZOO[config.model.family].make, "by_seed", True))
-
-
-def make_model(
-    config: RunConfig,
-    *,
-    classes: int,
-    vocabulary: tuple[str, ...] = (),
-    members: Mapping[str, RunConfig] | None = None,
-) -> BeliefModel:
-    """Return a new model of a configuration.
-
-    Args:
-        config: of the run.
-        classes: C, of the histograms.
-        vocabulary: categories outside the classes that it may read.
-        members: recipes of an ensemble's members; None for those of the zoo.
-
-    Raises:
-        ConfigError: if an ensemble names an unknown member.
-    """
-    reads = vocabulary if reads_categories(config) else ()
-    inputs = ModelInputs(classes=classes, vocabulary=reads, edges=config.data.edges)
-    model = ZOO[config.model.family].make(config.model, inputs)
-    if isinstance(model, Ensemble):
-        for name in model.config.members:
-            recipe = (members or {}).get(name) or find_member(name)
-            model.members[name] = make_model(recipe, classes=classes, vocabulary=vocabulary)
-    return model
 
 
 ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble, data=ANY_MASK)

@@ -45,21 +45,19 @@ EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
 
 
 class NetworkConfig(ModelConfig):
-    """Settings of all networks of hidden counts (`bsg_models.zoo.networks`)."""
+    """GraphSAGE between building and rooms."""
 
-    family: str = ""  # each family has its own name
+    family: Literal["ceci-sage"] = "ceci-sage"
     width: int = Field(default=128, ge=1, le=4096)  # channels of the hidden layers
     depth: int = Field(default=2, ge=1, le=64)  # rounds or layers
     # Share of channels dropped after each layer; half of it for the features.
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
-    likelihood: Literal["negative-binomial"] = "negative-binomial"  # of the hidden counts
     tilted: int = Field(default=2, ge=0, le=8)  # J, first counts with a tilted prior
     components: int = Field(default=2, ge=1, le=16)  # K, of the mixture that a count follows
     # Evidence besides the node's own histogram; see `NodeFeatures`.
     reads: tuple[str, ...] = ("mask", "building", "categories")
     # Width of the embedding of the categories outside the classes, learned with the network.
     embedding: int = Field(default=32, ge=1, le=4096)
-    embed: Literal["learned"] = "learned"
     # Share of these categories that training overlooks.
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
     # Share of the rooms whose `EVIDENCE` training hides, so that the network never depends on it.
@@ -109,7 +107,7 @@ class NodeFeatures:
         self.kept = [slice(first, first + mask)]
         for name, evidence in EVIDENCE.items():
             if name in self.reads:
-                columns = slice(self.width, self.width + evidence.width)
+                columns = slice(self.width, self.width + evidence.width())
                 self.width = columns.stop
                 self.kept += [columns] if evidence.of_building else []
 

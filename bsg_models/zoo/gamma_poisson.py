@@ -117,7 +117,7 @@ def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
 
     def cost(log_shape: Floats) -> float:
         a = float(np.exp(log_shape[0]))
-        return -float(times @ _log_likelihood(values, mean, a))
+        return -float(times @ log_negative_binomial(values, mean, a))
 
     from scipy.optimize import minimize  # only trainings come here
 
@@ -150,18 +150,6 @@ def _fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) -
     best = minimize(cost, start, method="L-BFGS-B", bounds=bounds).x
     a, mean = np.exp(best[:2])
     return float(a), float(a / mean), *best[2:].tolist()
-
-
-def _log_likelihood(counts: Ints, mean: float, dispersion: float) -> Floats:
-    """Return log P(counts) of a negative binomial without the term −log counts!.
-
-    Where the likelihood is flat, the last bit decides where a fit stops: published fits have this.
-    """
-    from scipy.special import gammaln
-
-    choose = gammaln(counts + dispersion) - gammaln(dispersion)
-    power = counts * np.log(mean / (mean + dispersion))
-    return np.asarray(choose - dispersion * np.log1p(mean / dispersion) + power)
 
 
 GAMMA_POISSON = ZooRow(_GammaPoissonConfig(), _GammaPoissonModel)

@@ -54,8 +54,8 @@ from bsg_models.belief.negative_binomial import (
     hidden_posterior,
     hidden_tilts,
     log_negative_binomial,
-    log_none,
-    log_normaliser,
+    log_seen,
+    none_seen,
     tilt_gains,
 )
 from bsg_models.errors import TrainingError
@@ -79,7 +79,6 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
 
-_LEAST = 1e-9  # no type makes a class impossible
 _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
 _PRIOR_LABEL = 4.0  # weight of the average room in P(k | l), in rooms
 # Of types that have names.
@@ -211,45 +210,34 @@ class _RoomTypeMixture(CalibratedModel):
 
     def _weigh(self, rooms: _Rooms, log_types: Floats, means: Floats) -> Floats:
         """Return P(type | seen) `[K, rooms]`, from the prior of types and their means."""
-        log_seen = self._log_seen(rooms, means)
         log_posterior = log_types + rooms.type_odds.T
-        log_posterior += self.config.temper * log_seen * rooms.looked_into
+        log_posterior += self.config.temper * self._log_seen(rooms, means) * rooms.looked_into
         log_posterior -= log_sum_exp(log_posterior, axis=0)
         return np.exp(log_posterior)
 
     def _log_seen(self, rooms: _Rooms, means: Floats) -> Floats:
-        """Return log P(seen counts) under every type, `[K, rooms]`.
-
-        Most counts are 0, whose probability is the sum of those of the true counts, all hidden: see
-        `CountDistribution.log_seen`.
-        """
-        r, share = self.dispersions[:, None], rooms.share
-        none = np.exp(log_none(np.maximum((1 - share) * means, _LEAST), r))
-        if self.config.tilted:
-            gains = tilt_gains(self.tilts[:, :, None], means, r)
-            none += gains[0]
-            for count, gain in enumerate(gains[1:], 1):
-                none += share**count * gain
-            none /= np.maximum(1 + sum(gains), TINY)
+        """Return log P(seen counts) under every type, `[K, rooms]`."""
+        r, tilts = self.dispersions[:, None], self._tilts
+        gains = () if tilts is None else tilt_gains(tilts[:, :, None], means, r)
+        none = none_seen(rooms.share, means, r, gains)
         row, column = np.nonzero(rooms.seen)
         none[:, row, column] = 1.0
-        log_seen = np.asarray(np.log(np.maximum(none, TINY)).sum(axis=2))
+        log_p = np.asarray(np.log(np.maximum(none, TINY)).sum(axis=2))
         starts, some = find_runs(row)
         if len(some):
-            means = means[:, row * (means.shape[1] > 1), column]
-            each = self._log_some(rooms.seen[row, column], share[row, column], means, column)
-            log_seen[:, some] += np.add.reduceat(each, starts, axis=1)
-        return log_seen
+            each = log_seen(
+                rooms.seen[row, column],
+                rooms.share[row, column],
+                means[:, row * (means.shape[1] > 1), column],
+                self.dispersions[:, column],
+                None if tilts is None else tilts[:, :, column],
+            )
+            log_p[:, some] += np.add.reduceat(each, starts, axis=1)
+        return log_p
 
-    def _log_some(self, seen: Floats, share: Floats, means: Floats, column: Ints) -> Floats:
-        """Return log P(a seen count) of S cells under every type, `[K, S]`."""
-        r, kept = self.dispersions[:, column], np.maximum((1 - share) * means, _LEAST)
-        each: Floats = log_negative_binomial(seen, kept, r)
-        if self.config.tilted:
-            prior, hidden = self.tilts[:, :, column], hidden_posterior(r, r / means, seen, share)
-            each += log_normaliser(np.stack(hidden_tilts(prior, seen)), *hidden)
-            each -= log_normaliser(prior, means, r)
-        return each
+    @property
+    def _tilts(self) -> Floats | None:
+        return self.tilts if self.config.tilted else None
 
     def _learn_habits(
         self, rooms: _Rooms, building: Ints, posterior: Floats
@@ -257,8 +245,7 @@ class _RoomTypeMixture(CalibratedModel):
         """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, from the other rooms."""
         looked_into = rooms.looked_into[:, None].astype(float)
         belonging = posterior.T * looked_into
-        tilts = self.tilts if self.config.tilted else None
-        usual = tilted_means(self.means, self.dispersions, tilts)
+        usual = tilted_means(self.means, self.dispersions, self._tilts)
         types, found, expected = (
             _sum_others(values, building)
             for values in (

@@ -20,8 +20,9 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError, PredictionError
-from bsg_models.inputs.nodes import EdgeSet
-from bsg_models.zoo.settings import DataConfig, ModelConfig
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.config import RunConfig, find_member
+from bsg_models.zoo.settings import DataConfig, EdgeSet, ModelConfig
 
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
@@ -49,6 +50,7 @@ class BeliefModel(ABC):
         by_seed: whether its training depends on a seed; if not, one training shows all.
         config: its settings.
         inputs: what it can read.
+        members: of an ensemble, by name.
         origin: the checkpoint that it was restored from; None if it was not restored.
         notes: remarks on its fit for the user, e.g. that it read a sample.
         untaught: `[C]` classes of which no train building had an object: none is expected.
@@ -63,6 +65,7 @@ class BeliefModel(ABC):
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         self.config = config
         self.inputs = inputs
+        self.members: dict[str, BeliefModel] = {}
         self._held: dict[str, None] = {}  # names of arrays, in their order
 
     @property
@@ -159,6 +162,33 @@ class BeliefModel(ABC):
                 "infinite); train it again"
             )
         return belief
+
+
+def make_model(
+    config: RunConfig,
+    *,
+    classes: int,
+    vocabulary: tuple[str, ...] = (),
+    members: Mapping[str, RunConfig] | None = None,
+) -> BeliefModel:
+    """Return a new model of a configuration.
+
+    Args:
+        config: of the run.
+        classes: C, of the histograms.
+        vocabulary: categories outside the classes that it may read.
+        members: recipes of an ensemble's members; None for those of the zoo.
+
+    Raises:
+        ConfigError: if an ensemble names an unknown member.
+    """
+    reads = vocabulary if config.reads_categories else ()
+    inputs = ModelInputs(classes=classes, vocabulary=reads, edges=config.data.edges)
+    model: BeliefModel = ZOO[config.model.family].make(config.model, inputs)
+    for name in config.members:
+        recipe = (members or {}).get(name) or find_member(name)
+        model.members[name] = make_model(recipe, classes=classes, vocabulary=vocabulary)
+    return model
 
 
 def require_same_shapes(own: Mapping[str, Any], other: Mapping[str, Any]) -> None:

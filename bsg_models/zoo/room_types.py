@@ -1,19 +1,13 @@
 """Fit room types to the counts of rooms: by expectation maximisation, or by the rooms' labels.
 
 Each round computes P(type | room), sums over the rooms what each type holds (`_Sums`), and fits the
-types to these sums. Rooms are read `_CHUNK` at a time, and most counts are 0. So a round takes
-memory for one chunk, and time for the counts above 0.
-
-Beyond `_SAMPLE` rooms, all rounds but the last few use a sample of that size; the last
-`_LAST_ROUNDS` use all rooms. A type is a few hundred numbers, which the sample determines nearly as
-well as all rooms do.
+types to these sums. Most counts are 0, and a round takes time and memory for the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -34,9 +28,6 @@ if TYPE_CHECKING:
 Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of any width
 MOST = 60  # the fit treats larger counts of a class in a room as this
 MISSING = MOST + 1  # count of a class that the room's source has no word for: it says nothing
-_SAMPLE = 20_000  # rooms in the sample of all rounds
-_LAST_ROUNDS = 10  # on all rooms, if there are more
-_CHUNK = 4_096  # rooms in memory as floats at a time
 _LOG_SHAPE = 4.0  # limit of |log r|, whose prior is a standard normal
 _PRIOR_ROOMS = 2.0  # weight of the mean room in every type's means, in rooms
 _TILT_ROOMS = 40.0  # weight of no tilt in every type's tilts, in rooms
@@ -65,18 +56,24 @@ class FittedTypes:
 
     def belonging(self, counts: Rooms) -> Floats:
         """Return P(type | room), `[R, K]`, of rooms `[R, C]`, with counts up to `MOST`."""
-        return np.concatenate([some for some, _ in self._ask(counts)])
+        return self._ask(counts)[0]
 
     def log_probability(self, counts: Rooms) -> Floats:
         """Return log P(room), `[R]`, of rooms `[R, C]`, with counts up to `MOST`."""
-        return np.concatenate([some for _, some in self._ask(counts)])
+        return self._ask(counts)[1]
 
-    def _ask(self, counts: Rooms) -> Iterator[tuple[Floats, Floats]]:
-        """Yield P(type | room) `[n, K]` and log P(room) `[n]` of the rooms of every chunk."""
+    def _ask(self, counts: Rooms) -> tuple[Floats, Floats]:
         width = max(int(counts.max(initial=0)) + 1, len(self.tilts), 2)
+        return self.ask(_mark(counts, width), width)
+
+    def ask(self, marked: csr_array, width: int) -> tuple[Floats, Floats]:
+        """Return P(type | room) `[R, K]` and log P(room) `[R]` of rooms as `_mark` returns them."""
         table = self.tabulate(width)
-        for rooms in _chunks(counts):
-            yield _ask(self.log_types, table, _mark(rooms, width))
+        none = table[..., 0]
+        beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
+        log_joint = self.log_types + none.sum(axis=1) + marked @ beyond.T
+        log_room = log_sum_exp(log_joint, axis=1, keepdims=True)
+        return np.exp(log_joint - log_room), log_room[:, 0]
 
     def tabulate(self, width: int) -> Floats:
         """Return the log probabilities of the counts 0 to `width` − 1, `[K, C, width]`."""
@@ -109,18 +106,17 @@ def fit_types(
     Each round fits the negative binomials as if there were no tilts, then the tilts to the rest.
     That is not exactly the maximum of the likelihood. But both steps are in closed form or nearly
     so, and neither overfits a rare type to a few rooms. The counts `[R, C]` are up to `MOST`. The
-    seed is that of the sample, and of the start, in which rooms are grouped around K random ones.
+    seed is that of the start, in which rooms are grouped around K random ones.
     """
     width = max(int(counts.max(initial=0)) + 1, tilted, 2)
-    some = _take_sample(counts, _SAMPLE, seed=seed)
-    points = np.where(some == MISSING, 0, some)
+    points, marked = np.where(counts == MISSING, 0, counts), _mark(counts, width)
     membership = _group(np.log1p(points.astype(np.float64)), types, seed=seed)
     shape = (types, counts.shape[1])
     dispersions, tilts = np.ones(shape), np.zeros((tilted, *shape))
-    fitted = _fit_sums(_sum_rooms(some, membership, width), dispersions, tilts)
-    for number in range(1, iterations + _LAST_ROUNDS * (len(some) < len(counts))):
-        rooms = some if number < iterations else counts
-        fitted = _fit_sums(_sum_expected(rooms, fitted, width), fitted.dispersions, fitted.tilts)
+    fitted = _fit_sums(_sum_rooms(marked, membership, width), dispersions, tilts)
+    for _ in range(1, iterations):
+        sums = _sum_rooms(marked, fitted.ask(marked, width)[0], width)
+        fitted = _fit_sums(sums, fitted.dispersions, fitted.tilts)
     return fitted
 
 
@@ -133,7 +129,8 @@ def fit_named_types(
     has a class, and how usual the label is. How many such a room has is as in the rooms `[R, C]` of
     the label `[R, L]`, and as in a usual room where these are few.
     """
-    sums = _sum_rooms(counts, labels, max(int(counts.max(initial=0)) + 1, tilted, 3))
+    width = max(int(counts.max(initial=0)) + 1, tilted, 3)
+    sums = _sum_rooms(_mark(counts, width), labels, width)
     found = sums.frequency[..., 1:MISSING]
     size = np.maximum(sums.frequency[..., :MISSING].sum(axis=2, keepdims=True), 1)
     usual = _USUAL_ROOMS * np.tensordot(table.usual, found / size, 1)
@@ -154,14 +151,6 @@ def _divide(values: Floats) -> Floats:
     return np.asarray(values / values.sum(axis=-1, keepdims=True))
 
 
-def _take_sample(counts: Rooms, number: int, *, seed: int) -> Rooms:
-    """Return a random sample of the rooms in their order, or all if there are no more."""
-    if len(counts) <= number:
-        return counts
-    rng = np.random.Generator(np.random.PCG64(seed))
-    return np.asarray(counts[np.sort(rng.choice(len(counts), number, replace=False))])
-
-
 def _group(points: Floats, groups: int, *, seed: int) -> Floats:
     """Return soft memberships `[R, K]` after ten rounds of k-means from random points."""
     rng = np.random.Generator(np.random.PCG64(seed))
@@ -172,12 +161,6 @@ def _group(points: Floats, groups: int, *, seed: int) -> Floats:
         for group in np.unique(nearest):
             centres[group] = points[nearest == group].mean(axis=0)
     return np.asarray(0.9 * np.eye(groups)[nearest] + 0.1 / groups)
-
-
-def _chunks(rooms: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
-    """Yield some rows at a time of an array with one row per room."""
-    for first in range(0, len(rooms), _CHUNK):
-        yield rooms[first : first + _CHUNK]
 
 
 def _mark(rooms: Rooms, width: int) -> csr_array:
@@ -194,44 +177,12 @@ def _mark(rooms: Rooms, width: int) -> csr_array:
     return csr_array((np.ones(len(rows)), columns, starts), shape=shape)
 
 
-def _sum_rooms(rooms: Rooms, membership: Floats, width: int) -> _Sums:
+def _sum_rooms(marked: csr_array, membership: Floats, width: int) -> _Sums:
     """Return the sums of rooms with given memberships in the types, `[R, K]`."""
-    size, some = (
-        membership.sum(axis=0),
-        np.zeros((rooms.shape[1] * (width - 1), membership.shape[1])),
-    )
-    for chunk, of_chunk in zip(_chunks(rooms), _chunks(membership), strict=True):
-        some += _mark(chunk, width).T @ of_chunk
-    return _complete(size, some, width)
-
-
-def _sum_expected(rooms: Rooms, fitted: FittedTypes, width: int) -> _Sums:
-    """Return the sums of rooms with memberships from a fit, a chunk at a time."""
-    size = np.zeros(len(fitted.means))
-    some = np.zeros((rooms.shape[1] * (width - 1), len(size)))
-    table = fitted.tabulate(width)
-    for chunk in _chunks(rooms):
-        marked = _mark(chunk, width)
-        belonging, _ = _ask(fitted.log_types, table, marked)
-        size += belonging.sum(axis=0)
-        some += marked.T @ belonging
-    return _complete(size, some, width)
-
-
-def _complete(size: Floats, some: Floats, width: int) -> _Sums:
-    """Return complete sums from those of counts above 0, `[C · (width − 1), K]`."""
-    beyond = some.T.reshape(len(size), -1, width - 1)
+    size = membership.sum(axis=0)
+    beyond = (marked.T @ membership).T.reshape(len(size), -1, width - 1)
     none = np.maximum(size[:, None] - beyond.sum(axis=2), 0.0)
     return _Sums(size, np.concatenate([none[..., None], beyond], axis=2))
-
-
-def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, Floats]:
-    """Return P(type | room) `[R, K]` and log P(room) `[R]` by the `table` of `tabulate`."""
-    none = table[..., 0]
-    beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
-    log_joint = log_types + none.sum(axis=1) + marked @ beyond.T
-    log_room = log_sum_exp(log_joint, axis=1, keepdims=True)
-    return np.exp(log_joint - log_room), log_room[:, 0]
 
 
 def _fit_sums(

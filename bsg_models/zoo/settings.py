@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe
 from bsg_data.records import Record
-from bsg_models.inputs.nodes import EdgeSet
 
+# `up` from rooms to the building, `down` from it to rooms, both ways between rooms that are known
+# to connect (`adjacent`), or between all rooms of a building (`complete`).
+EdgeSet = Literal["up", "down", "adjacent", "complete"]
 Device = Literal["auto", "cpu", "cuda"]
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -37,14 +38,13 @@ class DataConfig(Record):
     edges: tuple[EdgeSet, ...] = ("up", "down")
     # Training buildings in which a category outside the classes must occur to be read.
     min_scenes: int = Field(default=4, ge=1)
-    # Short for a `mask` of the strategy `search` with this `withhold`: of each training building up
-    # to half of the rooms were searched, and the others show no object of the withheld classes.
-    withhold: Share = 0.0
     fold: int | None = Field(default=None, ge=0)  # to test on, in a dataset of folds
 
     @field_validator("mask")
     @classmethod
     def _strategy_exists(cls, mask: MaskRecipe) -> MaskRecipe:
+        from bsg_data.observation.masks import MASKS  # settings are listed without NumPy
+
         MASKS.require([mask.strategy])
         return mask
 
@@ -54,29 +54,10 @@ class DataConfig(Record):
             raise ValueError(f"fractions must rise, found {list(self.fractions)}")
         return self
 
-    @model_validator(mode="after")
-    def _search_masks_are_fresh(self) -> DataConfig:
-        if self.withhold and (self.masks, self.mask.strategy) != ("fresh", "uniform"):
-            raise ValueError(
-                "withhold needs fresh masks of the strategy uniform, which it turns into those of "
-                "searches; for other strategies set mask.withhold"
-            )
-        return self
-
     @property
     def own_strategy(self) -> str | None:
         """The kind of mask that it names; None for the default, which studies replace."""
         return None if self.mask.strategy == "uniform" else self.mask.strategy
-
-    def under(self, mask: MaskRecipe) -> DataConfig:
-        """Return the choice with another mask, as studies set it.
-
-        A mask of a strategy other than `uniform` takes over the withheld classes.
-        """
-        if not self.withhold or mask.strategy == "uniform":
-            return self.model_copy(update={"mask": mask})
-        withheld = mask.model_copy(update={"withhold": self.withhold})
-        return self.model_copy(update={"mask": withheld, "withhold": 0.0})
 
     def needs_own_masks(self, stored: MaskRecipe | None) -> bool:
         """Return whether the stored pairs, if any, show another kind of mask than the training.
@@ -84,18 +65,11 @@ class DataConfig(Record):
         Validation then draws its own, so that the best epoch and the calibration are chosen on the
         kind of mask that the model is trained for. Fraction and seed may differ.
         """
-        mask = self.fresh_mask
+        mask = self.mask
         if self.masks == "fixed" or (mask.strategy == "uniform" and not mask.withhold):
             return False
         aside = {"fraction": mask.fraction, "seed": mask.seed}
         return stored is None or stored.model_copy(update=aside) != mask
-
-    @property
-    def fresh_mask(self) -> MaskRecipe:
-        """The recipe of the fresh masks; with `withhold` they are those of searches."""
-        if not self.withhold:
-            return self.mask
-        return self.mask.model_copy(update={"strategy": "search", "withhold": self.withhold})
 
 
 class TrainingConfig(Record):
@@ -118,29 +92,3 @@ class TrainingConfig(Record):
     patience: int | None = Field(default=None, ge=1)
     # Of the steps; `auto` takes a GPU if there is one. Validation is on the CPU.
     device: Device = "cpu"
-
-
-# Every room sees every other, and the visible share varies: a model then works at any share.
-CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
-# Any observation: every kind of mask in turn, sometimes with withheld classes, as in a search, or
-# with a detector of few words.
-# Words of fewer buildings mislead: with a coat rack in nine, a hall was taken for a bathroom.
-ANY_MASK = DataConfig(
-    mask=MaskRecipe(strategy="mixed", withhold=0.05, detector=0.25),
-    fractions=(0.1, 0.9),
-    edges=("complete",),
-    min_scenes=10,
-)
-# How networks of hidden counts are trained.
-COUNT_TRAINING = TrainingConfig(
-    epochs=160,
-    batch_size=32,
-    learning_rate=0.002,
-    decay=0.02,
-    decay_as="decoupled",
-    schedule="one-cycle",
-    clip=5.0,
-    validate_every=20,
-)
-# Of a building that is being found there are more views than of a whole one.
-LONG_TRAINING = COUNT_TRAINING.model_copy(update={"epochs": 280})

@@ -20,8 +20,7 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.inputs.folds import vocabulary_of
 from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint
-from bsg_models.zoo.ensemble import make_model
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.model import BeliefModel, make_model
 
 _LONG_ID = 8  # letters of a scene id that no other text holds by chance
 _FEW_CLASSES = 3  # a histogram of fewer classes identifies no room

@@ -141,7 +141,7 @@ def prepare_dataset(
         DatasetError: if the copy is of another dataset, or of another mask.
     """
     stamp = copy.with_suffix(".sha256")
-    told = f"{hash_manifest(source)}\n{config.data.fresh_mask.model_dump_json()}\n"
+    told = f"{hash_manifest(source)}\n{config.data.mask.model_dump_json()}\n"
     if copy.exists() and (force or not stamp.is_file()):
         shutil.rmtree(copy)
         stamp.unlink(missing_ok=True)
@@ -149,7 +149,7 @@ def prepare_dataset(
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(source, copy)
         split_dataset(copy, split, force=read_manifest(copy).split is not None)
-        write_pairs(copy, PairsRecipe(mask=config.data.fresh_mask, draws=DRAWS))
+        write_pairs(copy, PairsRecipe(mask=config.data.mask, draws=DRAWS))
         write_bytes(stamp, told.encode())
     elif stamp.read_text("utf-8") != told:
         raise DatasetError(
@@ -301,7 +301,7 @@ def _stack_draws(
     data: Dataset, part: Any, config: RunConfig, *, vocabulary: tuple[str, ...]
 ) -> MaskedBuildings:
     """Return every building of a split under masks that no training drew."""
-    mask = config.data.fresh_mask.model_copy(update={"seed": config.data.fresh_mask.seed + 1})
+    mask = config.data.mask.model_copy(update={"seed": config.data.mask.seed + 1})
     scenes = scenes_of(data, part)
     draws = [
         sample_masked(data, scenes, mask=mask, draw=draw, vocabulary=vocabulary)

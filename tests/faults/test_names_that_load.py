@@ -20,7 +20,7 @@ from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import validate_config
-from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.model import make_model
 from bsg_robot.graph.formats import FORMATS
 
 REGISTRIES = (EXPORTS, FORMATS, MASKS, METRICS, PLANNERS, SOURCES, ZOO)

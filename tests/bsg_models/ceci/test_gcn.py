@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_models.ceci.gcn import CECI
 from bsg_models.ceci.masked_graphs import MaskedGraphs, to_graph
 from bsg_models.ceci.network import Network
-from bsg_models.training.buildings import feed_of
+from bsg_models.training.buildings import TrainingBatches
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import find_config
 
@@ -126,21 +127,23 @@ def test_what_exceeds_the_input_is_hidden() -> None:
 
 
 @pytest.mark.parametrize(("masks", "number"), [("fixed", 4), ("fresh", 1)])
-def test_epochs_are_all_graphs_in_an_order_of_their_own(
+def test_epochs_are_all_buildings_in_an_order_of_their_own(
     masks: str, number: int, dataset: Path
 ) -> None:
     """Fixed masks come again in another order; fresh ones are others each epoch."""
     data = Dataset.open(dataset)
     config = configure("ceci", f"data.masks={masks}", "training.batch_size=3", "model.width=4")
-    feed = feed_of(new_model(config, data), config, data)  # type: ignore[arg-type]
+    batches = TrainingBatches(config, data, network=new_model(config, data))  # type: ignore[arg-type]
 
     def epoch(which: int) -> list[list[float]]:
-        batches = list(feed.batches(which))
-        assert len(batches) == feed.steps
-        assert all(
-            set(batch.keys()) == {"x", "y", "edge_index", "batch", "ptr"} for batch in batches
-        )
-        return [one.x.flatten().tolist() for batch in batches for one in batch.to_data_list()]
+        graphs = list(batches.of(which))
+        assert len(graphs) == batches.steps
+        starts = [[*graph.is_building.nonzero().flatten(), len(graph.x)] for graph in graphs]
+        return [
+            graph.x[slice(*ends)].flatten().tolist()
+            for graph, rows in zip(graphs, starts, strict=True)
+            for ends in pairwise(rows)
+        ]
 
     first, second = epoch(1), epoch(2)
     assert len(first) == number * len(data.splits["train"])

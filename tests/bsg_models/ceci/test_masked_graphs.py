@@ -14,7 +14,7 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.ceci.masked_graphs import MaskedGraphs, to_graph
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import EdgeSet
+from bsg_models.zoo.settings import EdgeSet
 
 
 def test_a_graph_by_hand() -> None:

@@ -22,7 +22,7 @@ from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.testing import MetricContract
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.model import make_model
 from bsg_models.zoo.settings import DataConfig
 
 

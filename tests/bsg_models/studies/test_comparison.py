@@ -36,7 +36,7 @@ from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.model import make_model
 from bsg_models.zoo.settings import DataConfig
 
 

@@ -35,8 +35,6 @@ from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, validate_config
-from bsg_models.zoo.ensemble import is_by_seed
-from bsg_models.zoo.settings import DataConfig
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
 MIXED = (
@@ -135,11 +133,6 @@ def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
     assert (fitted.data.fold, fitted.seed) == (2, 7)
     own = _fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
     assert own.data.mask == MaskRecipe(strategy="mixed", withhold=0.05, seed=8)
-    # Its checkpoint is read again: what a search withholds is in the mask then.
-    searching = configure("ceci-sage", "data.withhold=0.08")
-    fitted = _fit_to(searching, recipe, mask="rooms", fold=0)
-    assert fitted.data.mask.withhold == 0.08
-    assert DataConfig.model_validate(fitted.data.model_dump()) == fitted.data
 
 
 @pytest.mark.parametrize("values", [{"seed": MAX_SEED + 1}, {"seeds": 1_001}, {"folds": 10**9}])
@@ -208,7 +201,7 @@ def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
     assert write_json(two)["masks"]["uniform"]["ceci-sage"]["seeds"] == 2
 
 
-@pytest.mark.parametrize("name", [name for name in ZOO if not is_by_seed(find_config(name))])
+@pytest.mark.parametrize("name", [name for name in ZOO if not find_config(name).is_by_seed])
 def test_a_model_that_no_seed_changes_is_the_same_by_another(
     name: str, unsplit: Path, tmp_path: Path
 ) -> None:

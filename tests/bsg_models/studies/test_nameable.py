@@ -27,9 +27,9 @@ from bsg_models.studies.comparison import WHOLE, EvaluationRequest, compare_runs
 from bsg_models.training.count_gradients import as_network
 from bsg_models.zoo.catalogue import UNTRAINED
 from bsg_models.zoo.config import find_config
-from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.gamma_poisson import tally_rooms
 from bsg_models.zoo.mixture import read_rooms
+from bsg_models.zoo.model import make_model
 from bsg_models.zoo.room_types import MISSING, MOST, fit_types
 
 LABELS = [

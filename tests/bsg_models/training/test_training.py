@@ -29,7 +29,7 @@ from bsg_models.runs.run_folder import (
     read_record,
 )
 from bsg_models.training import epochs, training
-from bsg_models.training.buildings import feed_of, validation_buildings
+from bsg_models.training.buildings import TrainingBatches, validation_buildings
 from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import Progress, find_device
 from bsg_models.training.training import train_run
@@ -251,7 +251,7 @@ def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(dat
     data, config, meta = Dataset.open(dataset), find_config("universal"), torch.device("meta")
     network = as_network(training.new_model(config, data))
     assert network is not None
-    batch = next(iter(feed_of(network, config, data).batches(1))).to(meta)
+    batch = next(TrainingBatches(config, data, network=network).of(1)).to(meta)
     network.to(meta).train()
     network.loss(batch).backward()  # type: ignore[no-untyped-call]
     norm = torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)

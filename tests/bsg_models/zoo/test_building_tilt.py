@@ -15,7 +15,7 @@ from bsg_data.arrays import Floats
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation, stack
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
-from bsg_models.zoo.building_tilt import fit_building_tilt
+from bsg_models.zoo.building_tilt import fit_building_tilt, log_none_of, log_odds
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
@@ -149,7 +149,7 @@ def test_rooms_whose_labels_are_told_are_not_tilted_unless_the_source_is() -> No
         for said, source in ((types, None), (("kitchen", None, None), None), (types, "hm3d"))
     )
     odds = [
-        one.predict(some).hidden_counts.log_odds_of_none[0]
+        log_odds(log_none_of(one.predict(some).presence[0]))
         for one, some in (
             (plain, seen),
             (model, seen),

@@ -19,7 +19,8 @@ from bsg_models.zoo.config import (
     validate_config,
     write_toml,
 )
-from bsg_models.zoo.ensemble import EnsembleConfig, make_model, reads_categories
+from bsg_models.zoo.ensemble import EnsembleConfig
+from bsg_models.zoo.model import make_model
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 
 COUNTING = {
@@ -111,26 +112,8 @@ def test_a_row_is_a_configuration_and_its_model(name: str) -> None:
     model = make_model(config, classes=3, vocabulary=("tap", "wall"))
     assert model.config == row.config
     assert (model.inputs.classes, model.inputs.edges) == (3, row.data.edges)
-    assert model.vocabulary == (("tap", "wall") if reads_categories(config) else ())
+    assert model.vocabulary == (("tap", "wall") if config.reads_categories else ())
     assert model.by_gradient == (name not in COUNTING | {"ensemble"})
-
-
-def test_withhold_is_short_for_masks_of_a_search() -> None:
-    mask = MaskRecipe(fraction=0.3, seed=4)
-    assert DataConfig(mask=mask).fresh_mask == mask
-    short = DataConfig(mask=mask, withhold=0.1).fresh_mask
-    assert short == MaskRecipe(strategy="search", fraction=0.3, seed=4, withhold=0.1)
-    explored = MaskRecipe(strategy="explore", withhold=0.2)
-    assert DataConfig(mask=explored).fresh_mask == explored
-
-
-def test_a_choice_under_another_mask_withholds_what_it_did() -> None:
-    choice, rooms = DataConfig(withhold=0.1), MaskRecipe(strategy="rooms", seed=3)
-    assert choice.under(MaskRecipe(seed=3)).fresh_mask.strategy == "search"
-    other = choice.under(rooms)
-    assert other.fresh_mask == MaskRecipe(strategy="rooms", seed=3, withhold=0.1)
-    assert DataConfig.model_validate(other.model_dump()) == other
-    assert DataConfig().under(rooms).fresh_mask == rooms
 
 
 ROOMS = MaskRecipe(strategy="rooms", fraction=0.3, seed=1)
@@ -144,7 +127,6 @@ ROOMS = MaskRecipe(strategy="rooms", fraction=0.3, seed=1)
         (DataConfig(mask=ROOMS), None, True),
         (DataConfig(mask=ROOMS), MaskRecipe(strategy="rooms"), False),
         (DataConfig(mask=MaskRecipe(withhold=0.05)), MaskRecipe(), True),
-        (DataConfig(withhold=0.08), MaskRecipe(), True),
         (DataConfig(masks="fixed", mask=ROOMS), MaskRecipe(), False),
     ],
 )

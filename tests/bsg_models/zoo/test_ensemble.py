@@ -15,7 +15,7 @@ from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import member_config, train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import Ensemble, make_model, reads_categories
+from bsg_models.zoo.model import make_model
 
 
 def mix(*members: str) -> RunConfig:
@@ -33,10 +33,9 @@ def test_members_are_other_models_of_the_zoo(
 
 
 def test_an_ensemble_reads_categories_if_a_member_does() -> None:
-    assert not reads_categories(mix("gamma-poisson", "mixture"))
-    assert reads_categories(mix("gamma-poisson", "ceci-sage"))
+    assert not mix("gamma-poisson", "mixture").reads_categories
+    assert mix("gamma-poisson", "ceci-sage").reads_categories
     model = make_model(mix("gamma-poisson", "ceci-sage"), classes=3, vocabulary=("tap",))
-    assert isinstance(model, Ensemble)
     assert list(model.members) == ["gamma-poisson", "ceci-sage"]
     assert model.vocabulary == ("tap",)
     assert [member.vocabulary for member in model.members.values()] == [(), ("tap",)]
@@ -46,7 +45,6 @@ def test_the_recipe_of_a_member_is_the_one_that_is_given() -> None:
     """A checkpoint holds the recipes of its members, so that the zoo's may change."""
     narrow = configure("ceci-sage", "model.width=6", "data.edges=['up']")
     model = make_model(mix("ceci-sage"), classes=3, members={"ceci-sage": narrow})
-    assert isinstance(model, Ensemble)
     member = model.members["ceci-sage"]
     assert member.config == narrow.model
     assert member.inputs.edges == ("up",) != model.inputs.edges

@@ -12,6 +12,7 @@ import pytest
 import torch
 from configurations import configure
 from one_building import make_zoo_model, observe_building, surround_rooms
+from scipy.special import logit
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
@@ -156,7 +157,7 @@ def test_training_forgets_evidence_of_rooms_and_never_of_buildings() -> None:
     trained = features.forget(nodes, Dropout())
     quiet = features.forget(nodes, NO_DROPOUT)
     for name, kind in EVIDENCE.items():
-        columns = slice(first, first := first + kind.width)
+        columns = slice(first, first := first + kind.width())
         assert torch.equal(told[:, columns], nodes.evidence[name])
         assert quiet.evidence[name] is nodes.evidence[name]
         kept = (trained.evidence[name] == nodes.evidence[name]).all(dim=1)
@@ -197,7 +198,7 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
         for of_rooms in (labels, 0 * labels)
     )
     assert one.presence[1, 0] == pytest.approx(other.presence[1, 0])  # another one of what was seen
-    changed = np.exp(other.log_odds_of_none - one.log_odds_of_none)
+    changed = np.exp(logit(1 - other.presence) - logit(1 - one.presence))
     assert changed[1, 1] < changed[3, 1] == pytest.approx(1)
     assert changed[2, 1] > 1
     assert np.allclose(changed[3], 1)
