@@ -85,7 +85,7 @@ def make_app(answer: Answering, *, hosts: Sequence[str] = LOCAL) -> FastAPI:
         app.post(
             f"/{path}",
             operation_id=path,
-            description=question.what,
+            description=question.asks.__doc__,
             responses={200: {"model": question.answers}},
             openapi_extra={
                 "requestBody": {"required": True, "content": {"application/json": schema}}

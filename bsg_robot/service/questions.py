@@ -29,6 +29,7 @@ from bsg_robot.graph.reports import reclassify
 MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
 MOST_CLASSES = 10  # of a room, if the question does not say
+Notes = Annotated[tuple[str, ...], Field(description="How the map was read.")]
 _THING = re.compile(r"(?:[^,(\[]|[(\[][^)\]]*[)\]]?)+")  # up to a comma: `mug (red, old)` is one
 
 
@@ -64,7 +65,7 @@ class MapRequest(Request):
 
 
 class Find(FindRequest, MapRequest):
-    """Where things probably are."""
+    """Say in which rooms things probably are, and which room to search first."""
 
     things: Listed[Text] = Field(
         min_length=1, max_length=MOST_THINGS, description="What to look for, in any words."
@@ -83,13 +84,13 @@ class Find(FindRequest, MapRequest):
 
 
 class NextPlace(NextPlaceRequest, MapRequest):
-    """Which piece of furniture to look at next."""
+    """Say which piece of furniture to look at next, to find one thing."""
 
     here: Id = Field(description="The room where the robot is, by id or label.")
 
 
 class Expect(MapRequest):
-    """What rooms probably hold that was not seen."""
+    """Say what rooms probably hold that was not seen yet, of one room or of all."""
 
     room: Id | None = Field(None, description="One room, by id or label; null for all rooms.")
     most: Annotated[int, Field(ge=1, le=1000, strict=True)] | None = Field(
@@ -104,116 +105,86 @@ class Thing(Record):
     """Where one thing probably is."""
 
     thing: str
-    class_name: Annotated[
-        str | None,
-        Field(
-            alias="class",
-            description="The class that answers for it; null: no model counts it, and it is judged "
-            "by what is like it.",
-        ),
-    ]
-    by: Annotated[
-        str,
-        Field(
-            description="What answers: counts of the `class`, the `table` of everyday things, or "
-            "`likeness` to other things."
-        ),
-    ]
-    how: Annotated[str, Field(description="Why this class; empty if the thing is its name.")]
+    class_name: str | None = Field(
+        alias="class",
+        description="The class that answers for it; null: no model counts it, and it is judged by "
+        "what is like it.",
+    )
+    by: str = Field(
+        description="What answers: counts of the `class`, the `table` of everyday things, or "
+        "`likeness` to other things."
+    )
+    how: str = Field(description="Why this class; empty if the thing is its name.")
     model: str
-    anywhere: Annotated[float, Field(description="P(at least one is in the building).")]
-    places: Annotated[
-        tuple[Place, ...],
-        Field(
-            description="Rooms, the likeliest first: `probability` of at least one, `if_there` the "
-            "same if the building has one, `unseen` of at least one that was not seen, `expected` "
-            "number of these, `seen` ids, `cost` of the way, null if it is unknown or closed. "
-            "`room` is null for "
-            "things that were seen in no room, and `explore` for rooms that are not found yet. "
-            "`pieces` has the likeliest pieces of furniture, if some were seen there."
-        ),
-    ]
-    habits: Annotated[
-        tuple[Habit, ...],
-        Field(
-            description="Where such things usually are in this home, the likeliest first: `room`, "
-            "null for the rest; `piece` of furniture, `share` of those that were moved, number of "
-            "`sightings`, time of the `last`, and whether people have `told` it. Empty if the map "
-            "has no times and no customs of it."
-        ),
-    ]
+    anywhere: float = Field(description="P(at least one is in the building).")
+    places: tuple[Place, ...] = Field(
+        description="Rooms, the likeliest first: `probability` of at least one, `if_there` the "
+        "same if the building has one, `unseen` of at least one that was not seen, `expected` "
+        "number of these, `seen` ids, `cost` of the way, null if it is unknown or closed. `room` "
+        "is null for things that were seen in no room, and `explore` for rooms that are not found "
+        "yet. `pieces` has the likeliest pieces of furniture, if some were seen there."
+    )
+    habits: tuple[Habit, ...] = Field(
+        description="Where such things usually are in this home, the likeliest first: `room`, null "
+        "for the rest; `piece` of furniture, `share` of those that were moved, number of "
+        "`sightings`, time of the `last`, and whether people have `told` it. Empty if the map has "
+        "no times and no customs of it."
+    )
 
 
 class Found(Record):
     """Where things probably are, and the room to go to first."""
 
     things: tuple[Thing, ...]
-    go_first: Annotated[
-        str | None,
-        Field(
-            description="Room to look into first; `explore`: find new rooms; null: none is left, "
-            "or none within the `budget`, or see `robots`."
-        ),
-    ]
-    plan: Annotated[
-        tuple[Step, ...],
-        Field(
-            description="The search in its order: `probability` that the room has any of the "
-            "things, cost of the `way` and of the `look`, probability that all (`found`) or any "
-            "(`any_found`) of them are found by then, and `seconds` until then, by the `speed`. A "
-            "room may come twice. Empty without `here`."
-        ),
-    ]
-    robots: Annotated[
-        dict[str, str | None] | None,
-        Field(description="For each of several robots the room to look into first."),
-    ]
-    found_within: Annotated[
-        float | None,
-        Field(
-            description="Probability that the plan finds all within the `budget`; 0 if no room can "
-            "be looked into within it; null without a budget, or of several robots."
-        ),
-    ]
+    go_first: str | None = Field(
+        description="Room to look into first; `explore`: find new rooms; null: none is left, or "
+        "none within the `budget`, or see `robots`."
+    )
+    plan: tuple[Step, ...] = Field(
+        description="The search in its order: `probability` that the room has any of the things, "
+        "cost of the `way` and of the `look`, probability that all (`found`) or any (`any_found`) "
+        "of them are found by then, and `seconds` until then, by the `speed`. A room may come "
+        "twice. Empty without `here`."
+    )
+    robots: dict[str, str | None] | None = Field(
+        description="For each of several robots the room to look into first."
+    )
+    found_within: float | None = Field(
+        description="Probability that the plan finds all within the `budget`; 0 if no room can be "
+        "looked into within it; null without a budget, or of several robots."
+    )
     here: str | None
-    cost_unit: Annotated[
-        str | None,
-        Field(description="Unit of `cost`: m, rooms, or given: that of `costs`."),
-    ]
-    notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
+    cost_unit: str | None = Field(
+        description="Unit of `cost`: m, rooms, or given: that of `costs`."
+    )
+    notes: Notes
 
 
 class Destination(Record):
     """The piece of furniture to look at next."""
 
     thing: str
-    room: Annotated[
-        str | None,
-        Field(description="Its room; `explore`: find new rooms; null: nothing is left to search."),
-    ]
-    piece: Annotated[
-        str | None,
-        Field(description="Its id; null: enter the room, or look about in it for more furniture."),
-    ]
-    notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
+    room: str | None = Field(
+        description="Its room; `explore`: find new rooms; null: nothing is left to search."
+    )
+    piece: str | None = Field(
+        description="Its id; null: enter the room, or look about in it for more furniture."
+    )
+    notes: Notes
 
 
 class Content(Record):
     """What a room probably holds that was not seen."""
 
-    room: Annotated[str, Field(description="Its id; or the name that was asked for.")]
+    room: str = Field(description="Its id; or the name that was asked for.")
     label: str | None
-    kinds: Annotated[
-        tuple[RoomKind, ...],
-        Field(description="Kinds that the room may be of, the likeliest first."),
-    ]
-    expected: Annotated[
-        tuple[ExpectedClass, ...],
-        Field(
-            description="`probability` of at least one that was not seen, `expected` number of "
-            "these, number `seen`."
-        ),
-    ]
+    kinds: tuple[RoomKind, ...] = Field(
+        description="Kinds that the room may be of, the likeliest first."
+    )
+    expected: tuple[ExpectedClass, ...] = Field(
+        description="`probability` of at least one that was not seen, `expected` number of these, "
+        "number `seen`."
+    )
 
 
 class Contents(Record):
@@ -221,7 +192,7 @@ class Contents(Record):
 
     rooms: tuple[Content, ...]
     model: str
-    notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
+    notes: Notes
 
 
 class Question(NamedTuple):
@@ -230,28 +201,12 @@ class Question(NamedTuple):
     tool: str
     asks: type[Request]
     answers: type[Record]
-    what: str
 
 
 QUESTIONS = {
-    "find": Question(
-        "find_things",
-        Find,
-        Found,
-        "Say in which rooms things probably are, and which room to search first.",
-    ),
-    "next_place": Question(
-        "next_place",
-        NextPlace,
-        Destination,
-        "Say which piece of furniture to look at next, to find one thing.",
-    ),
-    "expect": Question(
-        "expect_things",
-        Expect,
-        Contents,
-        "Say what rooms probably hold that was not seen yet, of one room or of all.",
-    ),
+    "find": Question("find_things", Find, Found),
+    "next_place": Question("next_place", NextPlace, Destination),
+    "expect": Question("expect_things", Expect, Contents),
 }
 
 

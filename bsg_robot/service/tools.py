@@ -33,7 +33,7 @@ def make_server(answer: Answering) -> Server[Any]:
         tools = [
             types.Tool(
                 name=name,
-                description=question.what,
+                description=question.asks.__doc__,
                 input_schema=question.asks.model_json_schema(),
                 output_schema=question.answers.model_json_schema(mode="serialization"),
                 annotations=types.ToolAnnotations(read_only_hint=True, open_world_hint=False),
