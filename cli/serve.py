@@ -53,9 +53,7 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
       bsg-serve --host 0.0.0.0 --allow-host robot.local
     """
     try:
-        import fastapi  # noqa: F401 -- which only the processes import that answer
-
-        from bsg_robot.service.network import listen
+        from bsg_robot.service.http import listen
         from bsg_robot.service.stdio import speak
     except ModuleNotFoundError as error:
         if str(error.name).startswith("bsg_"):
@@ -84,15 +82,11 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
         with _open_door(host, port) as door:
             shown = f"[{host}]" if ":" in host else host
 
-            def announce() -> None:
-                print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
-                if host in _EVERYWHERE and not names:
-                    print_note(
-                        "others are refused until --allow-host says how they call this machine"
-                    )
-
+            print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
+            if host in _EVERYWHERE and not names:
+                print_note("others are refused until --allow-host says how they call this machine")
             own = () if host in _EVERYWHERE else (shown,)
-            listen(model, door, announce=announce, hosts=(*own, *names))
+            listen(model, door, hosts=(*own, *names))
 
 
 def _open_door(host: str, port: int) -> socket.socket:

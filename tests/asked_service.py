@@ -17,12 +17,14 @@ def ask_service(
     from bsg_robot.service.http import make_app
     from bsg_robot.service.tools import make_server
 
+    async def answer(path: str, body: bytes) -> Any:
+        return service.answer(path, body)
+
     async def ask() -> dict[str, dict[str, Any]]:
-        app = make_app(service)
-        transport = httpx2.ASGITransport(app=app)
+        transport = httpx2.ASGITransport(app=make_app(answer))
         async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
             http = await client.post(path, json=question)
-        async with Client(make_server(app)) as agent:
+        async with Client(make_server(answer)) as agent:
             mcp = await agent.call_tool(tool, question)
         assert (http.status_code != 200) == mcp.is_error, (http.text, mcp.content)
         told = {"error": mcp.content[0].text} if mcp.is_error else dict(mcp.structured_content)

@@ -179,7 +179,7 @@ def test_an_answer_imports_nothing_heavy() -> None:
     ("needed", "modules"),
     [
         ("rclpy", ["bsg_robot.ros.node"]),
-        ("mcp", [f"bsg_robot.service.{name}" for name in ("http", "network", "tools")]),
+        ("mcp", [f"bsg_robot.service.{name}" for name in ("http", "pool", "tools")]),
     ],
 )
 def test_the_node_and_the_service_import_nothing_heavy(needed: str, modules: list[str]) -> None:

@@ -17,8 +17,8 @@ def size(number: int) -> str:
 
 
 def list_expected() -> dict[str, list[str]]:
-    serve = pytest.importorskip("bsg_robot.service.bounds", reason="needs the extra serve")
-    from bsg_robot.service import network, processes, questions
+    serve = pytest.importorskip("bsg_robot.service.http", reason="needs the extra serve")
+    from bsg_robot.service import pool, questions
 
     return {
         "a robot's graph": [
@@ -43,18 +43,14 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_GRAPH_LABELS:,} labels",
         ],
         "any of these, JSON": [f"{bounds.MAX_VALUES:,} values"],
-        "a question to `bsg-serve`, also by `--stdio`": [
+        "a question to `bsg-serve`": [
             size(serve.MOST_BYTES),
             f"{questions.MOST_ROOMS} rooms",
             f"{questions.MOST_THINGS} things",
-            f"{serve.SECONDS_TO_ASK:g} s to arrive",
-            f"{processes.SECONDS_TO_WAIT:g} s of waiting",
-            f"{processes.SECONDS_TO_ANSWER:g} s of answering",
+            f"{pool.SECONDS_TO_WAIT:g} s of waiting",
+            f"{pool.SECONDS_TO_ANSWER:g} s of answering",
         ],
-        "all questions at a time": [
-            size(serve.MOST_HELD),
-            f"{network.MOST_CONNECTIONS:,} connections",
-        ],
+        "all questions at a time": [f"{serve.MOST_CONNECTIONS:,} connections"],
     }
 
 

@@ -52,7 +52,6 @@ PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
     "period": (1.0, "seconds between two states: the graph, the markers, the file", (0.05, 3600.0)),
 }
 _NOTHING: dict[str, Any] = {"scene_id": "building", "rooms": []}
-_MOST_SAID = 1_000  # notes that are remembered
 _QUEUE = QoSProfile(depth=100)  # reliable
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # late ones get it, too
 
@@ -81,7 +80,6 @@ class BeliefNode:
         self.frame, self.min_score = said["map_frame"], said["min_score"]
         self.thing: str | None = None  # what was asked for last, which the markers show
         self.published: PartialGraph | None = None  # the last one, and so below
-        self.said: set[str] = set()  # of detections: each note is logged once
         self.kept: PartialGraph | None = None
         self.drawn: tuple[PartialGraph, str | None] | None = None
         if self.state is not None:
@@ -143,19 +141,12 @@ class BeliefNode:
         for said in read_detections(message, frame=self.frame, min_score=self.min_score):
             answer = self.robot.answer("saw", said | {"time": time, "besides": seen})
             seen += [answer["object"]] if "object" in answer else []
+            # A detector never stops: it would repeat them with every message.
             for note in answer.get("notes", ()):
-                self.say_once(self.log.info, f"~/detections: {note}")
-            fault = answer.get("error")
-            if fault is not None:
-                self.say_once(self.log.warning, f"~/detections: {fault}")
-
-    def say_once(self, log: Any, text: str) -> None:
-        """Log what a detector that never stops would repeat with every message."""
-        if text not in self.said:
-            if len(self.said) >= _MOST_SAID:
-                self.said.clear()
-            self.said.add(text)
-            log(make_line(text))
+                self.log.info(make_line(f"~/detections: {note}"), throttle_duration_sec=10.0)
+            if "error" in answer:
+                fault = make_line(f"~/detections: {answer['error']}")
+                self.log.warning(fault, throttle_duration_sec=10.0)
 
     def reset(self, _: Any, answer: Any) -> Any:
         """Begin with the parameter `graph` again."""

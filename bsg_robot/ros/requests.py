@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
-from types import MappingProxyType
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError
 
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.documents import parse_json
-from bsg_data.records import Record, name_fault
+from bsg_data.records import name_fault
 from bsg_models.belief.clock import HOUR, Time, read_now, show_time
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -29,19 +28,17 @@ from bsg_models.belief.partial_graph import (
     spell_id,
 )
 from bsg_models.belief.partial_graph import MoreRooms as MoreRoomsNumber
-from bsg_models.search.knowledge import Task
 from bsg_robot.answers.description import describe_place, describe_things
+from bsg_robot.answers.request import FindRequest, NextPlaceRequest, Request
 from bsg_robot.answers.seen_building import SeenBuilding
-from bsg_robot.answers.ways import SaidCost, SaidCosts, SaidLook, SaidSpeed
 from bsg_robot.answers.words import find_room
-from bsg_robot.graph.map_forms import drop_empty
 from bsg_robot.graph.memory import LONGEST_STEP
 from bsg_robot.graph.room_kinds import note_building, note_rooms
 
 MOST_CHARACTERS = 65_536  # of a text
 # That are kept: a broken detector may never stop. A file holds as many, whatever their names.
 MOST_ROOMS, MOST_OBJECTS = 2_000, 10_000
-_MOST_NAMES, _MOST_ROBOTS = 20, 10  # in a list
+_MOST_NAMES = 20  # in a list
 _LONGEST = 100  # characters of a name
 
 Answer = dict[str, Any]
@@ -67,16 +64,15 @@ def _read_word(said: Any) -> Any:
     return said if found is None else found
 
 
-class _Request(Record):
+class _Request(Request):
     """What a robot may say on a topic; a text that is no object gives the first field."""
 
     id: Id | None = None  # comes back with the answer
 
-    @model_validator(mode="before")
-    @classmethod
-    def _leave_out(cls, said: Any) -> Any:
-        """Drop null and the empty text, which mean that a key is left out."""
-        return drop_empty(said) if isinstance(said, dict) else said
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of the method of `SeenBuilding`."""
+        return self.model_dump(exclude={"id"})
 
 
 class Saw(_Request):
@@ -141,15 +137,10 @@ class Discovered(_Request):
     floor_area: Metres | None = None
 
 
-class Describe(_Request):
+class Describe(Discovered):
     """More is known of a room."""
 
-    room: Id
-    room_type: Name | dict[Name, StrictFraction] | None = None
     label: Name | None = None
-    position: Position | None = None
-    floor_area: Metres | None = None
-    beside: Ids = ()
 
 
 class MoreRooms(_Request):
@@ -179,29 +170,16 @@ class Forget(_Request):
     thing: Name | None = None
 
 
-class Where(_Request):
-    """Where a thing is, or several, and which room to go to first."""
+class Where(_Request, FindRequest):
+    """Where a thing is, or several; without `here`, from where the robot is."""
 
     thing: Annotated[Names, Field(min_length=1)]
-    here: Id | None = None  # None: where the robot is
-    robots: Annotated[dict[Name, Id], Field(min_length=1, max_length=_MOST_ROBOTS)] | None = None
-    costs: SaidCosts = None
-    look: SaidLook = None
-    chance: Score = LOOK_CHANCE
-    task: Task = "single"
-    budget: SaidCost | None = None
-    speed: SaidSpeed | None = None
 
 
-class NextPlace(_Request):
+class NextPlace(_Request, NextPlaceRequest):
     """Which piece of furniture to look at next, to find a thing."""
 
-    thing: Name
     here: Id | None = None  # None: where the robot is
-    at: Id | None = None  # None: the middle of the room
-    costs: SaidCosts = None
-    look: SaidCost | None = None
-    chance: Score = LOOK_CHANCE
 
 
 class Expected(_Request):
@@ -285,19 +263,15 @@ class Robot:
         if len(known) >= MOST_OBJECTS and all(obj.name != said.object for obj in known):
             raise _refuse_more(f"objects are at most {MOST_OBJECTS:,}", "objects-too-many")
         room = self._require_room(said.room)
-        object_id = self.seen.saw(
-            room,
-            said.thing,
-            object_id=said.object,
-            **said.model_dump(exclude={"id", "thing", "room", "object"}),
-        )
+        arguments = said.arguments | {"room": room}
+        object_id = self.seen.saw(object_id=arguments.pop("object"), **arguments)
         is_known = self.seen.graph.objects[-1].category is not None
         note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
         return {"object": object_id} if is_known else {"object": object_id, "notes": [note]}
 
     def entered(self, said: Entered) -> Answer:
         """Note where the robot is, and how much of the room it has seen."""
-        self.seen.entered(**said.model_dump(exclude={"id"}))
+        self.seen.entered(**said.arguments)
         self.here = said.room
         return {"room": said.room}
 
@@ -309,19 +283,19 @@ class Robot:
     def looked(self, said: Looked) -> Answer:
         """Note a look that did not find a thing, in the robot's room unless it says another one."""
         room = self._require_room(said.room)
-        self.seen.looked(room, **said.model_dump(exclude={"id", "room"}))
+        self.seen.looked(**said.arguments | {"room": room})
         return {"room": room, "thing": said.thing}
 
     def searched(self, said: Searched) -> Answer:
         """Note that all of a room was seen."""
-        self.seen.searched(said.room, found=said.found, time=said.time)
+        self.seen.searched(**said.arguments)
         return {"room": said.room}
 
     def describe(self, said: Describe) -> Answer:
         """Note more of a known room."""
         before = self.seen.graph
         index = find_room(before, said.room)
-        self.seen.describe(**said.model_dump(exclude={"id"}))
+        self.seen.describe(**said.arguments)
         return self._answer_room(said.room, index, before)
 
     def _answer_room(self, room: str, index: int, before: PartialGraph) -> Answer:
@@ -346,18 +320,18 @@ class Robot:
 
     def keeps(self, said: Keeps) -> Answer:
         """Note where people keep a thing."""
-        self.seen.keeps(said.thing, room=said.room, at=said.at)
-        return said.model_dump(exclude={"id"})
+        self.seen.keeps(**said.arguments)
+        return said.arguments
 
     def never(self, said: Keeps) -> Answer:
         """Note where a thing never is."""
-        self.seen.never(said.thing, room=said.room, at=said.at)
-        return said.model_dump(exclude={"id"})
+        self.seen.never(**said.arguments)
+        return said.arguments
 
     def forget(self, said: Forget) -> Answer:
         """Forget what this home has taught."""
-        self.seen.forget(said.thing)
-        return {"thing": said.thing}
+        self.seen.forget(**said.arguments)
+        return said.arguments
 
     def _require_room(self, room: str | None) -> str:
         """Return a room, or that of the robot."""
@@ -373,20 +347,18 @@ class Robot:
         if len(self.seen.rooms) >= MOST_ROOMS:
             raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
         before = self.seen.graph
-        self.seen.discovered(**said.model_dump(exclude={"id"}))
+        self.seen.discovered(**said.arguments)
         return self._answer_room(said.room, len(self.seen.rooms), before)
 
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
         here = said.here or (None if said.robots else self.here)
-        asked = said.model_dump(exclude={"id", "thing", "here"})
-        return describe_things(self.seen, said.thing, here=here, **asked)
+        return describe_things(self.seen, said.thing, here=here, **said.options)
 
     def next_place(self, said: NextPlace) -> Answer:
         """Answer which piece of furniture to look at next."""
         here = self._require_room(said.here)
-        asked = said.model_dump(include={"at", "costs", "look", "chance"})
-        return describe_place(self.seen, said.thing, here=here, **asked)
+        return describe_place(self.seen, said.thing, here=here, **said.options)
 
     def expected(self, said: Expected) -> Answer:
         """Answer what a room may hold, and of which kind it may be, the likeliest first."""
@@ -430,7 +402,8 @@ def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
             said = parse_json(text)
         except ValueError as error:
             raise RecipeError(f"no JSON ({error})", code="json-malformed") from error
-    plain = next(name for name in kind.model_fields if name != "id")
+    needed = [name for name, key in kind.model_fields.items() if key.is_required()]
+    plain, *_ = needed or [name for name in kind.model_fields if name != "id"]
     return said if isinstance(said, dict) else {plain: said}
 
 
@@ -439,23 +412,21 @@ def _refuse_more(what: str, code: str) -> RecipeError:
 
 
 # topic → what a text says, and what is done with it; in the order of a robot's day
-TOPICS: Mapping[str, tuple[type[_Request], Callable[[Robot, Any], Answer]]] = MappingProxyType(
-    {
-        "discovered": (Discovered, Robot.discovered),
-        "entered": (Entered, Robot.entered),
-        "saw": (Saw, Robot.saw),
-        "searched": (Searched, Robot.searched),
-        "looked": (Looked, Robot.looked),
-        "gone": (Gone, Robot.gone),
-        "describe": (Describe, Robot.describe),
-        "more_rooms": (MoreRooms, Robot.more_rooms),
-        "passes": (Passes, Robot.passes),
-        "keeps": (Keeps, Robot.keeps),
-        "never": (Keeps, Robot.never),
-        "forget": (Forget, Robot.forget),
-        "where": (Where, Robot.where),
-        "next_place": (NextPlace, Robot.next_place),
-        "expected": (Expected, Robot.expected),
-        "habits": (Habits, Robot.habits),
-    }
-)
+TOPICS: dict[str, tuple[type[_Request], Callable[[Robot, Any], Answer]]] = {
+    "discovered": (Discovered, Robot.discovered),
+    "entered": (Entered, Robot.entered),
+    "saw": (Saw, Robot.saw),
+    "searched": (Searched, Robot.searched),
+    "looked": (Looked, Robot.looked),
+    "gone": (Gone, Robot.gone),
+    "describe": (Describe, Robot.describe),
+    "more_rooms": (MoreRooms, Robot.more_rooms),
+    "passes": (Passes, Robot.passes),
+    "keeps": (Keeps, Robot.keeps),
+    "never": (Keeps, Robot.never),
+    "forget": (Forget, Robot.forget),
+    "where": (Where, Robot.where),
+    "next_place": (NextPlace, Robot.next_place),
+    "expected": (Expected, Robot.expected),
+    "habits": (Habits, Robot.habits),
+}

@@ -1,35 +1,35 @@
-"""The application: HTTP with an OpenAPI description; MCP is beside it, at /mcp."""
+"""The service on a port: HTTP with an OpenAPI description, and MCP at /mcp."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import logging
+import re
+import socket
+from collections.abc import Awaitable, Callable, Sequence
 from importlib.metadata import version
 from typing import Any
 
+import uvicorn
 from fastapi import FastAPI, Request, Response
-from fastapi.exceptions import RequestValidationError
-from fastapi.routing import APIRoute
-from mcp.server.lowlevel import Server
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.exceptions import HTTPException
-from starlette.responses import JSONResponse
+from starlette.requests import ClientDisconnect
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from bsg_data.errors import BSGError
-from bsg_data.inputs.documents import parse_json
-from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.shown import SHOWN
-from bsg_robot.service.bounds import MOST_BYTES, Fault, confess, refuse
-from bsg_robot.service.doors import EventStreams
-from bsg_robot.service.questions import QUESTIONS, Question, Service
-from bsg_robot.service.tools import make_server
+from bsg_robot.service.pool import SECONDS_TO_END, Pool
+from bsg_robot.service.questions import QUESTIONS, Answer, Fault, refuse
+from bsg_robot.service.tools import Answering, make_server
 
+MOST_BYTES = 2 * 2**20  # of a question
+MOST_CONNECTIONS = 200  # at a time
+LOCAL = ("localhost", "127.0.0.1", "[::1]")
+_log = logging.getLogger(__name__)
+_PORT = re.compile(r":[0-9]+$")
 _FAULTS = {
     400: "not JSON, or an unknown Host",
     404: "no such path",
     405: "not POST",
-    408: "the question came too slowly",
     413: "the question is too large",
     415: "not application/json",
     422: "the map or the question is faulty; `error` says where",
@@ -38,9 +38,21 @@ _FAULTS = {
 }
 
 
-def make_app(service: Service) -> FastAPI:
-    """Return the application."""
-    server: Server[Any]
+def make_app(answer: Answering, *, hosts: Sequence[str] = LOCAL) -> FastAPI:
+    """Return the application.
+
+    Args:
+        answer: gives the answer to a question: its path, and its JSON.
+        hosts: names in lower case by which this machine may be asked.
+    """
+    server = make_server(answer)
+    # Every POST is answered alone, without sessions or streams; `check_host` has checked it.
+    mcp = server.streamable_http_app(
+        json_response=True,
+        stateless_http=True,
+        max_request_body_size=MOST_BYTES,
+        transport_security=TransportSecuritySettings(enable_dns_rebinding_protection=False),
+    )
     app = FastAPI(
         title="Belief Scene Graphs",
         summary="Where things probably are in a building that a robot has partly seen.",
@@ -51,106 +63,109 @@ def make_app(service: Service) -> FastAPI:
         lifespan=lambda _: server.session_manager.run(),
         responses={code: {"model": Fault, "description": what} for code, what in _FAULTS.items()},
     )
-    server = make_server(app)
-    # Every POST is answered alone, without sessions or streams; `KnownHosts` has checked it.
-    mcp = server.streamable_http_app(
-        json_response=True,
-        stateless_http=True,
-        max_request_body_size=MOST_BYTES,
-        transport_security=TransportSecuritySettings(enable_dns_rebinding_protection=False),
-    )
-    app.router.routes.append(Route("/mcp", EventStreams(mcp), methods=["POST"]))
-    app.router.route_class = _ParsedRoute
-    app.add_middleware(_Parser)
-    app.exception_handler(BSGError)(_explain)
-    app.exception_handler(RequestValidationError)(_explain_question)
+    app.router.routes.append(Route("/mcp", mcp, methods=["POST"]))
     app.exception_handler(HTTPException)(_explain_path)
     app.exception_handler(Exception)(_confess)
 
-    for name, question in QUESTIONS.items():
-        app.post(f"/{name}", operation_id=name)(_answering(service, name, question))
+    async def check_host(request: Request, call_next: Any) -> Any:
+        """Refuse pages of other names, also of one that leads to this machine (DNS rebinding)."""
+        origin = request.headers.get("origin", "").rpartition("://")[2]
+        for host in (request.headers.get("host") or "none", *filter(None, [origin])):
+            if _PORT.sub("", host).lower() not in hosts:
+                fault = (
+                    f"host {host[:SHOWN]!r} is not known here; if you trust it, start "
+                    "bsg-serve with --allow-host NAME"
+                )
+                return _respond(refuse(400, fault, code="host-unknown", where=host[:SHOWN]))
+        return await call_next(request)
+
+    app.middleware("http")(check_host)
+    for path, question in QUESTIONS.items():
+        schema = {"schema": question.asks.model_json_schema()}
+        app.post(
+            f"/{path}",
+            operation_id=path,
+            description=question.asks.__doc__,
+            responses={200: {"model": question.answers}},
+            openapi_extra={
+                "requestBody": {"required": True, "content": {"application/json": schema}}
+            },
+        )(_answering(answer, path))
     return app
 
 
-def _answering(service: Service, name: str, question: Question) -> Callable[..., Awaitable[Any]]:
-    """Return the function of a path; FastAPI reads its name, its docstring and its types."""
-
-    async def answer(asked: Any) -> Any:
-        return getattr(service, name)(asked)
-
-    answer.__name__, answer.__doc__ = name, question.what
-    answer.__annotations__ = {"asked": question.asks, "return": question.answers}
-    return answer
-
-
-class _Parser:
-    """Parses the JSON of a question, within the bounds of all JSON that others write."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        message = await receive()
+def _answering(answer: Answering, path: str) -> Callable[[Request], Awaitable[Response]]:
+    async def respond(request: Request) -> Response:
+        # Other kinds a page in a browser may send elsewhere without asking.
+        kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+        if kind != "application/json":
+            fault = f"expected the header Content-Type: application/json, found {kind[:SHOWN]!r}"
+            return _respond(refuse(415, fault, code="content-type"))
+        body = bytearray()
         try:
-            scope["document"] = parse_json(message["body"]) if message["body"] else None
-        except ValueError as error:
-            fault = refuse(400, f"no JSON ({str(error)[:SHOWN]})", code="json-malformed")
-            await fault(scope, receive, send)
-            return
-        left = [message]
+            async for piece in request.stream():
+                body += piece
+                if len(body) > MOST_BYTES:
+                    fault = f"expected at most {MOST_BYTES:,} bytes; ask about a part"
+                    return _respond(refuse(413, fault, code="question-too-large"))
+        except ClientDisconnect:
+            return Response(status_code=400)  # which nobody hears
+        return _respond(await answer(path, bytes(body)))
 
-        async def replay() -> Message:
-            return left.pop() if left else await receive()
-
-        await self._app(scope, replay, send)
-
-
-class _ParsedRequest(Request):  # type: ignore[misc]
-    async def json(self) -> Any:
-        return self.scope["document"]
+    return respond
 
 
-class _ParsedRoute(APIRoute):  # type: ignore[misc]
-    def get_route_handler(self) -> Callable[[Request], Awaitable[Response]]:
-        handle = super().get_route_handler()
-
-        async def handle_parsed(request: Request) -> Response:
-            return await handle(_ParsedRequest(request.scope, request.receive))
-
-        return handle_parsed
+def _respond(answer: Answer) -> Response:
+    return Response(answer.body, answer.status, media_type="application/json")
 
 
-async def _explain(_: Request, error: Exception) -> JSONResponse:
-    code, where = getattr(error, "code", ""), str(getattr(error, "where", ""))
-    return refuse(422, str(error), code=code, where=where)
-
-
-async def _explain_question(request: Request, error: Exception) -> JSONResponse:
-    faults = error.errors()  # type: ignore[attr-defined]
-    # A wrong key is named before the key that is missing for it.
-    fault = next((one for one in faults if one["type"] == "extra_forbidden"), faults[0])
-    where = ".".join(str(part)[:SHOWN] for part in fault["loc"][1:]) or "the question"
-    is_whole = len(fault["loc"]) == 1
-    said = fault["msg"].removeprefix("Value error, ").removeprefix(f"{where}: ")
-    said = "expected a JSON object" if is_whole else said
-    if fault["type"] == "too_long":
-        most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
-        said = f"expected at most {most}, found {found or 'more'}"
-    if fault["type"] == "extra_forbidden":
-        keys = QUESTIONS[request.url.path.strip("/")].asks.model_fields
-        hint = ask_if_meant(where, keys) or f"known are {', '.join(keys)}"
-        said = f"is no key; {hint}"
-    return refuse(422, f"{where}: {said}", code="question-malformed", where=where)
-
-
-async def _explain_path(request: Request, error: Exception) -> JSONResponse:
+async def _explain_path(request: Request, error: Exception) -> Response:
     status, what = error.status_code, f"{request.method} {request.url.path[:SHOWN]}"  # type: ignore[attr-defined]
-    said = f"expected POST /find, /next_place, /expect or /mcp, or GET /openapi.json; found {what}"
-    return refuse(status, said, code="path-unknown")
+    fault = f"expected POST /find, /next_place, /expect or /mcp, or GET /openapi.json; found {what}"
+    return _respond(refuse(status, fault, code="path-unknown"))
 
 
-async def _confess(_: Request, __: Exception) -> JSONResponse:
-    return confess()
+async def _confess(_: Request, error: Exception) -> Response:
+    _log.error("unforeseen", exc_info=error)
+    fault = "an error of the service; its terminal says more"
+    return _respond(refuse(500, fault, code="service-error"))
+
+
+class _Server(uvicorn.Server):  # type: ignore[misc]
+    """Starts and ends the processes that answer."""
+
+    def __init__(self, config: uvicorn.Config, pool: Pool) -> None:
+        super().__init__(config)
+        self._pool = pool
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await self._pool.start()
+        await super().startup(sockets)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._pool.end()
+        await super().shutdown(sockets)
+
+
+def listen(model: str, door: socket.socket, *, hosts: Sequence[str] = ()) -> None:
+    """Serve until the process is asked to end.
+
+    Args:
+        model: that answers.
+        door: a socket that listens.
+        hosts: names besides this machine's own that may be in Host.
+    """
+    pool = Pool(model)
+    config = uvicorn.Config(
+        make_app(pool.answer, hosts=(*LOCAL, *hosts)),
+        http="h11",
+        ws="none",
+        lifespan="on",
+        log_level="critical",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        limit_concurrency=MOST_CONNECTIONS,
+        timeout_graceful_shutdown=int(SECONDS_TO_END) + 2,
+    )
+    _Server(config, pool).run(sockets=[door])

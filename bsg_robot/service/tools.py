@@ -1,18 +1,19 @@
-"""The door for agents: tools of the Model Context Protocol (MCP), which ask as HTTP asks."""
+"""The door for agents: tools of the Model Context Protocol (MCP), which ask what HTTP asks."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Awaitable, Callable
 from importlib.metadata import version
 from typing import Any
 
 import mcp_types as types
 from mcp.server.lowlevel import Server
-from starlette.types import ASGIApp
 
 from bsg_data.files import encode_json
-from bsg_robot.service.answer import call
-from bsg_robot.service.questions import QUESTIONS
+from bsg_robot.service.questions import QUESTIONS, Answer
+
+Answering = Callable[[str, bytes], Awaitable[Answer]]
 
 _INSTRUCTIONS = (
     "Say where things probably are in a building that a robot has partly seen, which room to "
@@ -25,14 +26,14 @@ _INSTRUCTIONS = (
 _TOOLS = {question.tool: (path, question) for path, question in QUESTIONS.items()}
 
 
-def make_server(app: ASGIApp) -> Server[Any]:
-    """Return the server of the tools, which ask an application."""
+def make_server(answer: Answering) -> Server[Any]:
+    """Return the server of the tools, which gives the JSON of questions to a function."""
 
     async def list_tools(*_: Any) -> types.ListToolsResult:
         tools = [
             types.Tool(
                 name=name,
-                description=question.what,
+                description=question.asks.__doc__,
                 input_schema=question.asks.model_json_schema(),
                 output_schema=question.answers.model_json_schema(mode="serialization"),
                 annotations=types.ToolAnnotations(read_only_hint=True, open_world_hint=False),
@@ -43,19 +44,14 @@ def make_server(app: ASGIApp) -> Server[Any]:
 
     async def call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
         if asked.name not in _TOOLS:
-            return _say(f"no tool of this name; known are {', '.join(_TOOLS)}")
-        scope = {
-            "method": "POST",
-            "path": f"/{_TOOLS[asked.name][0]}",
-            "query_string": b"",
-            "headers": [(b"content-type", b"application/json")],
-        }
-        answer = await call(app, scope, encode_json(asked.arguments or {}).encode())
-        said = json.loads(answer.body)
-        if answer.status != 200:
-            return _say(f"{said['error']} ({said['code']})")
-        text = types.TextContent(type="text", text=answer.body.decode())
-        return types.CallToolResult(content=[text], structured_content=said)
+            return _refuse(f"no tool of this name; known are {', '.join(_TOOLS)}")
+        path, _ = _TOOLS[asked.name]
+        status, body = await answer(path, encode_json(asked.arguments or {}).encode())
+        content = json.loads(body)
+        if status != 200:
+            return _refuse(f"{content['error']} ({content['code']})")
+        text = types.TextContent(type="text", text=body.decode())
+        return types.CallToolResult(content=[text], structured_content=content)
 
     return Server(
         "belief-scene-graphs",
@@ -66,6 +62,6 @@ def make_server(app: ASGIApp) -> Server[Any]:
     )
 
 
-def _say(fault: str) -> types.CallToolResult:
+def _refuse(fault: str) -> types.CallToolResult:
     text = types.TextContent(type="text", text=fault)
     return types.CallToolResult(content=[text], is_error=True)

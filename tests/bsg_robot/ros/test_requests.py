@@ -230,7 +230,6 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("never", "cola", "custom-nowhere"),
         ("forget", "zzqx", "thing-unknown"),
         ("habits", "zzqx", "thing-unknown"),
-        ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
         ("where", '{"thing": "cup", "costs": {"kitchen": 1}}', "request-malformed"),

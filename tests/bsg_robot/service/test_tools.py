@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from typing import Any
 
@@ -58,26 +57,6 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
                 assert (await client.call_tool("find_things", {**question, **wrong})).is_error
 
     anyio.run(ask)
-
-
-def test_a_line_out_of_bounds_is_refused_by_its_id_and_the_next_is_answered() -> None:
-    """Bytes, a key twice, and what is no JSON."""
-    said = b'{"jsonrpc": "2.0", "id": %d, "method": "ping", "params": %s}\n'
-    twice = b'{"map": {"hall": [], "hall": []}}'
-    lines = [
-        said % (1, b'["' + b"x" * 8_500_000 + b'"]'),
-        said % (2, twice),
-        b"hello\n",
-        said % (3, b"[]"),
-        said % (4, b"{}"),
-    ]
-    done = subprocess.run([*COMMAND, "--stdio"], input=b"".join(lines), capture_output=True)
-    answers = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [one["id"] for one in answers] == [1, 2, None, 3, 4]
-    assert [one["error"]["code"] for one in answers[:-1]] == [-32600] * 4
-    for answer, what in zip(answers[:-1], ("bytes", "twice", "column", "params"), strict=True):
-        assert what in answer["error"]["message"]
-    assert done.returncode == 0
 
 
 def test_a_map_may_be_a_text_that_our_parser_reads(address: str) -> None:
