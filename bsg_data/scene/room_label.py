@@ -27,13 +27,13 @@ import numpy.typing as npt
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.class_space import read_columns
 from bsg_data.scene.synonyms import read_real_words
 from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import LONGEST, drop_number, separate, split_camel
+from bsg_data.words.normal import LONGEST, drop_number, separate, separate_names, split_camel
 from bsg_data.words.plural import make_singular
 from bsg_data.words.shown import show_value
-from bsg_data.words.typo import index_words, near_words
+from bsg_data.words.typo import Spellings
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of
@@ -255,7 +255,7 @@ def _make_plain(name: str) -> str:
 def _mend(key: str) -> str | None:
     """Return the listed word of which a key is a typo, if that is one kind of room."""
     rows, listed = _read_labels(), _list_keys()
-    near = near_words(key, _index_keys()) if len(key) >= _MENDED else []
+    near = _read_spellings().near(key) if len(key) >= _MENDED else []
     shifted = [one for one in near if len(one) != len(key) or sorted(one) == sorted(key)]
     keys = shifted or (near if len(key) >= _REPLACED else [])
     words = [listed[one] for one in keys]
@@ -467,13 +467,15 @@ def _spread(said: tuple[tuple[str, float], ...]) -> npt.NDArray[np.float32]:
 @cache
 def _read_labels() -> Mapping[tuple[str, str], str | None]:
     """Read the published rows, each exact and normalised."""
-    header = ("source", "source_label", "label")
-    rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
-    sources, words, labels = zip(*rows, strict=True)
-    said: dict[tuple[str, str], str] = {}
-    for names in ([normalise_room(word) or word for word in words], words):
-        said |= dict(zip(zip(sources, names, strict=True), labels, strict=True))
-    return {key: label or None for key, label in said.items()}
+    sources, words, labels = read_columns(_FILE).values()
+    spoken = [
+        drop_number(name) or word for name, word in zip(separate_names(words), words, strict=True)
+    ]
+    return {
+        (source, name): label or None
+        for names in (spoken, words)
+        for source, name, label in zip(sources, names, labels, strict=True)
+    }
 
 
 @cache
@@ -500,6 +502,5 @@ def _list_known() -> frozenset[str]:
 
 
 @cache
-def _index_keys() -> Mapping[str, list[str]]:
-    """Return what `_list_keys` does, to find one that is spelled alike."""
-    return index_words(_list_keys())
+def _read_spellings() -> Spellings:
+    return Spellings(_list_keys())

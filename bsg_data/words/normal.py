@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from functools import lru_cache
 
 LONGEST = 100  # characters of a name: a longer one names nothing that we know
 MARKS = " ?!.,;:…*\"'`“”„‘’«»‹›()[]{}<>¿¡？"  # around a name that was copied from a sentence
+_END = "\0"  # of a name in a text of many
 # Between the words of `CoffeeTable` and of `TVStand`, but not of `DVDs`.
 _CAMEL = re.compile(r"(?<=[^\W_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})")
 
@@ -18,6 +20,15 @@ def normalise_name(name: str) -> str:
     return " ".join(unicodedata.normalize("NFC", name).casefold().split())
 
 
+def normalise_names(names: Sequence[str]) -> list[str]:
+    """Return the names of a table, normalised all at once."""
+    text = _END.join(names)
+    if text.count(_END) + 1 != len(names):  # none, or a name that has such a character
+        return [*map(normalise_name, names)]
+    spelled = unicodedata.normalize("NFC", text).casefold()
+    return [" ".join(name.split()) for name in spelled.split(_END)]
+
+
 def separate(name: str) -> str:
     """Return a normalised name with spaces for hyphens and underscores.
 
@@ -25,6 +36,11 @@ def separate(name: str) -> str:
     'tv monitor'
     """
     return normalise_name(name.replace("-", " ").replace("_", " "))
+
+
+def separate_names(names: Sequence[str]) -> list[str]:
+    """Separate the names of a table, all at once."""
+    return normalise_names([name.replace("-", " ").replace("_", " ") for name in names])
 
 
 def drop_number(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator
 
 from bsg_data.words.normal import drop_number, separate
 
@@ -25,42 +25,48 @@ def is_typo(said: str, word: str) -> bool:
     return swapped or a[1:] == b[1:] or a[1:] == b or a == b[1:]
 
 
-def index_words(names: Iterable[str]) -> dict[str, list[str]]:
-    """Return the words of names by what is left of each without one of its letters."""
-    words = {
-        word
-        for name in names
-        for word in name.split()
-        if _SHORT_WORD <= len(word) <= _LONG + 1  # no other is a typo away from one that is mended
-    }
-    index: dict[str, list[str]] = {}
-    for word in sorted(words):
-        for left in _leave_out(word):
-            index.setdefault(left, []).append(word)
-    return index
+class Spellings:
+    """The words of names, to find the one of which a word is a typo."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """Keep the words of names that a longer word can be a typo of."""
+        self._words: dict[str, list[str]] = {}  # by their first letter, which is never wrong
+        for word in sorted({*" ".join(names).split()}):
+            if _SHORT_WORD <= len(word) <= _LONG + 1:
+                self._words.setdefault(word[0], []).append(word)
+        self._indices: dict[str, dict[str, list[str]]] = {}
+
+    def near(self, said: str) -> list[str]:
+        """Return the words of which a word is a typo, sorted; none if it is one of them."""
+        index = self._index(said[:1]) if SHORT <= len(said) <= _LONG else {}
+        if said in index.get(said, ()):
+            return []
+        near = {word for less in index.keys() & _leave_out(said) for word in index[less]}
+        return sorted(word for word in near if is_typo(said, word))
+
+    def mend(self, name: str, *, real: Container[str]) -> Iterator[str]:
+        """Yield a normalised name with one word mended by one of these.
+
+        A word that is `real`, or short, is taken as it is.
+        """
+        words = drop_number(separate(name)).split()
+        if len("".join(words)) <= SHORT:
+            return
+        for i, said in enumerate(words):
+            for word in () if said in real else self.near(said):
+                yield " ".join([*words[:i], word, *words[i + 1 :]])
+
+    def _index(self, letter: str) -> dict[str, list[str]]:
+        """Return the words with a first letter, by what is left of each without one of its own."""
+        if letter not in self._indices:
+            index: dict[str, list[str]] = {}
+            for word in self._words.get(letter, ()):
+                for less in _leave_out(word):
+                    index.setdefault(less, []).append(word)
+            self._indices[letter] = index
+        return self._indices[letter]
 
 
 def _leave_out(word: str) -> set[str]:
     """Return a word, and what is left of it without one of its letters."""
     return {word, *(word[:i] + word[i + 1 :] for i in range(len(word)))}
-
-
-def near_words(said: str, index: Mapping[str, list[str]]) -> list[str]:
-    """Return the words of an index (`index_words`) of which a word is a typo, sorted."""
-    if not SHORT <= len(said) <= _LONG or said in index.get(said, ()):
-        return []
-    near = {word for left in index.keys() & _leave_out(said) for word in index[left]}
-    return sorted(word for word in near if is_typo(said, word))
-
-
-def mend(name: str, index: Mapping[str, list[str]], *, real: Container[str]) -> Iterator[str]:
-    """Yield a normalised name with one word mended by one that is in the index of known words.
-
-    A word that is `real`, or short, is taken as it is.
-    """
-    words = drop_number(separate(name)).split()
-    if len("".join(words)) <= SHORT:
-        return
-    for i, said in enumerate(words):
-        for word in () if said in real else near_words(said, index):
-            yield " ".join([*words[:i], word, *words[i + 1 :]])

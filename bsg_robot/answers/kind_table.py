@@ -17,11 +17,10 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.scene.room_label import known_label
 from bsg_models.zoo.hand_prior import read_hand_table
-from bsg_robot.tables.table import read_file, read_table
+from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import Thing, find_thing, is_narrow, list_things
 
-_KINDS = "kinds-v1.csv"
-_FACTS = ("floor_area", "spread", "neighbours", "passage")
+_FACTS = ("kind", "floor_area", "spread", "neighbours", "passage", "furnished_like", "holds")
 _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
 _OURS, _ELSEWHERE = 0.15, 0.95
@@ -128,11 +127,9 @@ def log_presence_of(thing: Thing, table: KindTable) -> Floats:
 @cache
 def read_kinds() -> KindTable:
     """Read the tables."""
-    header = tuple(read_file(_KINDS).partition(b"\n")[0].decode().split(","))
-    rows = read_table(_KINDS, header)
-    buildings = header[1 : -len(_FACTS)]
-    kinds = tuple(row[0] for row in rows)
-    numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
+    table = read_table("kinds-v1.csv")
+    kinds, buildings = table["kind"], tuple(name for name in table if name not in _FACTS)
+    numbers = np.array([table[name] for name in buildings], dtype=float)
     things = list_things()
     shares = _share(things, kinds)
     presence = _be_present(things, shares, numbers, kinds)
@@ -141,11 +138,11 @@ def read_kinds() -> KindTable:
     return KindTable(
         kinds=kinds,
         buildings=buildings,
-        numbers=numbers[: len(buildings)],
-        floor_area=numbers[-3],
-        spread=numbers[-2],
-        neighbours=numbers[-1],
-        passages=np.array([row[-1] == "yes" for row in rows]),
+        numbers=numbers,
+        floor_area=np.array(table["floor_area"], dtype=float),
+        spread=np.array(table["spread"], dtype=float),
+        neighbours=np.array(table["neighbours"], dtype=float),
+        passages=np.array(table["passage"]) == "yes",
         things=things,
         shares=shares,
         presence=presence,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.words.typo import index_words, is_typo, mend
+from bsg_data.words.typo import Spellings, is_typo
 
 WORDS = st.text("abc", max_size=6)
 
@@ -31,7 +31,7 @@ def test_a_typo_is_one_step_that_keeps_the_first_letter(words: tuple[str, str]) 
     steps |= {word[:i] + word[i : i + 2][::-1] + word[i + 2 :] for i in places}
     steps = {one for one in steps - {word} if one[:1] == word[:1]}
     assert is_typo(said, word) == (said in steps)
-    found = mend(f"so many {said} things", index_words([word, "so many things"]), real=())
+    found = Spellings([word, "so many things"]).mend(f"so many {said} things", real=())
     is_long = len(said) >= 5 and len(word) >= 4
     assert (f"so many {word} things" in found) == (is_long and is_typo(said, word))
 
@@ -48,5 +48,5 @@ def test_a_typo_is_one_step_that_keeps_the_first_letter(words: tuple[str, str]) 
     ],
 )
 def test_one_word_is_mended(name: str, mended: list[str]) -> None:
-    index = index_words(["toilet", "table lamp", "bottle"])
-    assert [*mend(name, index, real={"battle"})] == mended
+    known = Spellings(["toilet", "table lamp", "bottle"])
+    assert [*known.mend(name, real={"battle"})] == mended
