@@ -30,19 +30,20 @@ from bsg_data.scene.class_space import (
     read_rows,
 )
 from bsg_data.scene.synonyms import RULE_FILES, UNKNOWN, Rule, list_synonyms, read_real_words
-from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.nearest import Spellings, ask_if_meant, nearest_names
 from bsg_data.words.normal import (
     LONGEST,
+    MOST_WORDS,
+    change_number,
     drop_number,
+    list_parts,
+    list_tails,
     normalise_name,
     normalise_names,
     separate,
     take_apart,
 )
-from bsg_data.words.phrase import MOST_WORDS, list_parts, list_tails
-from bsg_data.words.plural import change_number
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_data.words.typo import Spellings
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
 _RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map

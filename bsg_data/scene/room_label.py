@@ -29,11 +29,16 @@ from bsg_data.records import read_number
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.class_space import read_columns
 from bsg_data.scene.synonyms import read_real_words
-from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import LONGEST, drop_number, separate, separate_names, split_camel
-from bsg_data.words.plural import make_singular
+from bsg_data.words.nearest import Spellings, ask_if_meant
+from bsg_data.words.normal import (
+    LONGEST,
+    drop_number,
+    make_singular,
+    separate,
+    separate_names,
+    split_camel,
+)
 from bsg_data.words.shown import show_value
-from bsg_data.words.typo import Spellings
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of

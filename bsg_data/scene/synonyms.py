@@ -17,9 +17,7 @@ from typing import Literal
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_space import read_columns
 from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import normalise_names, separate, take_apart
-from bsg_data.words.phrase import list_tails
-from bsg_data.words.plural import change_number
+from bsg_data.words.normal import change_number, list_tails, normalise_names, separate, take_apart
 from bsg_data.words.shown import SHOWN
 
 Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "phrase", "spelling"]

@@ -12,10 +12,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
 from bsg_data.scene.room_label import owner_of
-from bsg_data.words.nearest import nearest_names
-from bsg_data.words.normal import LONGEST, normalise_name
-from bsg_data.words.plural import singulars
-from bsg_data.words.typo import SHORT, is_typo
+from bsg_data.words.nearest import SHORT, is_typo, nearest_names
+from bsg_data.words.normal import LONGEST, normalise_name, singulars
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.nouns import NounTable, may_be_one, read_nouns, split_head

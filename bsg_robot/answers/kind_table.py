@@ -100,7 +100,7 @@ class KindTable:
         row = self.row.get(thing.name)
         if row is not None and self.things[row] is thing:
             return np.asarray(self.shares[row])
-        return np.asarray(_share([thing], self.kinds)[0])
+        return np.asarray(_share([thing], self.kinds)[0][0])
 
     @cached_property
     def log_presence(self) -> Floats:
@@ -120,8 +120,8 @@ class KindTable:
 @lru_cache(maxsize=4096)  # the rooms of a map have the same ones
 def log_presence_of(thing: Thing, table: KindTable) -> Floats:
     """Return log P(a room of each kind has a thing that a word has moved), `[K]`."""
-    shares = table.shares_of(thing)[None]
-    return np.log(_be_present([thing], shares, table.numbers, table.kinds)[:, 0])
+    shares, named = _share([thing], table.kinds)
+    return np.log(_be_present([thing], shares, named, table.numbers)[:, 0])
 
 
 @cache
@@ -131,8 +131,8 @@ def read_kinds() -> KindTable:
     kinds, buildings = table["kind"], tuple(name for name in table if name not in _FACTS)
     numbers = np.array([table[name] for name in buildings], dtype=float)
     things = list_things()
-    shares = _share(things, kinds)
-    presence = _be_present(things, shares, numbers, kinds)
+    shares, named = _share(things, kinds)
+    presence = _be_present(things, shares, named, numbers)
     said, is_class = _read_presence(kinds, things)
     presence = np.where(np.isnan(said), presence, said)
     return KindTable(
@@ -150,13 +150,10 @@ def read_kinds() -> KindTable:
     )
 
 
-def _be_present(
-    things: Sequence[Thing], shares: Floats, numbers: Floats, kinds: Sequence[str]
-) -> Floats:
+def _be_present(things: Sequence[Thing], shares: Floats, named: Bools, numbers: Floats) -> Floats:
     """Return P(a room of a kind has a thing) from shares `[T, K]`, `[K, T]`."""
     homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
-    named = [{kind for kind, _ in thing.rooms} for thing in things]
-    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] < _OFTEN)
+    foreign = named & (numbers[0] < _OFTEN)
     others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
     there = np.where(foreign, np.maximum(homes, others), homes)
     each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
@@ -184,18 +181,24 @@ def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Float
     return said, is_class
 
 
-def _share(things: Sequence[Thing], kinds: Sequence[str]) -> Floats:
-    """Return the shares of kinds `[T, K]`; those of kinds that homes have sum to 1."""
-    shares = np.zeros((len(things), len(kinds)))
+def _share(things: Sequence[Thing], kinds: Sequence[str]) -> tuple[Floats, Bools]:
+    """Return the shares of kinds `[T, K]`, and which the table names.
+
+    Those of kinds that homes have sum to 1.
+    """
     column = {kind: number for number, kind in enumerate(kinds)}
-    read = [(number, kind, known_label(kind)) for number, kind in enumerate(kinds)]
-    others = [one for one in read if one[1] != one[2] and not is_narrow(one[1])]
-    for row, thing in zip(shares, things, strict=True):
-        said = dict(thing.rooms)
-        for kind, share in said.items():
-            if kind in column:
-                row[column[kind]] = share
-        for number, kind, known in others:
-            if kind not in said and known in said:
-                row[number] = _FOREIGN * said[known]
-    return shares
+    cells = [
+        (row, column[kind], share)
+        for row, thing in enumerate(things)
+        for kind, share in thing.rooms
+        if kind in column
+    ]
+    rows, columns, weights = zip(*cells, strict=True)
+    shares, named = np.zeros((len(things), len(kinds))), np.zeros((len(things), len(kinds)), bool)
+    shares[rows, columns], named[rows, columns] = weights, True
+    near = [known_label(kind) for kind in kinds]
+    follows = [
+        kind != known and not is_narrow(kind) for kind, known in zip(kinds, near, strict=True)
+    ]
+    like = _FOREIGN * shares[:, [column[kind] for kind in near]]
+    return np.where(follows & ~named, like, shares), named

@@ -21,9 +21,7 @@ import numpy as np
 from safetensors.numpy import load
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.words.normal import normalise_name
-from bsg_data.words.phrase import MOST_WORDS, drop_kind, list_parts
-from bsg_data.words.plural import singulars
+from bsg_data.words.normal import MOST_WORDS, drop_kind, list_parts, normalise_name, singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_robot.tables.table import read_file, read_table

@@ -14,12 +14,9 @@ from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import owner_of, read_room
 from bsg_data.scene.synonyms import read_real_words
-from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import LONGEST, MARKS, normalise_name
-from bsg_data.words.phrase import list_parts
-from bsg_data.words.plural import singulars
+from bsg_data.words.nearest import Spellings, ask_if_meant
+from bsg_data.words.normal import LONGEST, MARKS, list_parts, normalise_name, singulars
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_data.words.typo import Spellings
 from bsg_models.belief.hidden_share import ShareBelief
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.found_model import WIDE_MAP

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 
 from bsg_data.scene.class_space import read_columns, read_published
@@ -27,8 +27,7 @@ def split_cell(cell: str) -> tuple[str, ...]:
     return tuple(cell.split(_SEPARATOR)) if cell else ()
 
 
-def split_weights(cell: str, *, of: float = 1.0) -> Iterator[tuple[str, float]]:
-    """Yield the names of a cell `name:weight|name:weight`, each with its weight as a share."""
-    for part in split_cell(cell):
-        name, _, weight = part.partition(":")
-        yield name, float(weight) / of
+def split_weights(cell: str, *, of: float = 1.0) -> tuple[tuple[str, float], ...]:
+    """Return the names of a cell `name:weight|name:weight`, each with its part of a whole."""
+    parts = [part.partition(":") for part in split_cell(cell)]
+    return tuple([(name, float(weight) / of) for name, _, weight in parts])

@@ -30,9 +30,15 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import known_label
-from bsg_data.words.normal import LONGEST, drop_number, separate, separate_names, take_apart
-from bsg_data.words.phrase import list_parts
-from bsg_data.words.plural import singulars
+from bsg_data.words.normal import (
+    LONGEST,
+    drop_number,
+    list_parts,
+    separate,
+    separate_names,
+    singulars,
+    take_apart,
+)
 from bsg_robot.tables.table import read_table, split_cell, split_weights
 
 _FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
@@ -137,16 +143,20 @@ def classify_seen(word: str, class_map: ClassMap) -> Classified:
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     """Return the rows of the table, and each by its names, with and without their spaces."""
-    table = read_table(_FILE)
-    spellings = [split_cell(names) for names in table["spellings"]]
-    facts = (
-        [wider or None for wider in table["wider"]],
-        [tuple(split_weights(rooms, of=100.0)) for rooms in table["rooms"]],
-        *([float(share) / 100 for share in table[name]] for name in ("home", "sight")),
-        map(float, table["stays"]),
-        map(split_cell, table["group"]),
+    rows = zip(*read_table(_FILE).values(), strict=True)
+    things = tuple(
+        Thing(
+            name=name,
+            spellings=split_cell(spellings),
+            wider=wider or None,
+            rooms=split_weights(rooms, of=100.0),
+            home=float(home) / 100,
+            sight=float(sight) / 100,
+            stays=float(stays),
+            groups=split_cell(groups),
+        )
+        for name, spellings, wider, rooms, home, sight, stays, groups in rows
     )
-    things = tuple(map(Thing, table["thing"], spellings, *facts))
     named = [(name, thing) for thing in things for name in (thing.name, *thing.spellings)]
     names = separate_names([name for name, _ in named])
     listed = {name: thing for name, (_, thing) in zip(names, named, strict=True)}

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 from bsg_data.scene.room_label import read_room
-from bsg_data.words.normal import LONGEST
-from bsg_data.words.plural import singulars
+from bsg_data.words.normal import LONGEST, singulars
 from bsg_robot.tables.table import read_table, split_cell, split_weights
 from bsg_robot.things.things import Thing, find_thing
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.words.typo import Spellings, is_typo
+from bsg_data.words.nearest import Spellings, is_typo
 
 WORDS = st.text("abc", max_size=6)
 
