@@ -187,22 +187,14 @@ def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float
     return float(rates.mean()) * (1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden))
 
 
-@lru_cache(maxsize=100)
-def _shares(tidy: float) -> Floats:
-    said = read_shares()
-    return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
-
-
 @lru_cache(maxsize=64)
 def _weigh_pieces(room: Labels, tidy: float) -> Floats:
-    """Return the shares of people for each listed piece in a room of these labels."""
-    return np.asarray(_weigh_labels(room) @ _shares(tidy))
+    """Return the shares of people for each listed piece in a room of these labels.
 
-
-def _weigh_labels(room: Labels) -> Floats:
-    """Return P(the kinds of rooms that people were asked about), `[K]`; all alike if unknown."""
-    labels, table = read_shares().rooms, read_table("kinds-v1.csv")
-    alike = dict(zip(table["kind"], table["furnished_like"], strict=True))
+    Of a room that is like none of those that people were asked about, the mean of all.
+    """
+    shares, table = read_shares(), read_table("kinds-v1.csv")
+    labels, alike = shares.rooms, dict(zip(table["kind"], table["furnished_like"], strict=True))
     weights = np.zeros(len(labels))
     for label, likely in room:
         known = known_label(label)
@@ -210,8 +202,8 @@ def _weigh_labels(room: Labels) -> Floats:
         asked = next((name for name in near if name in labels), None)
         if asked is not None:
             weights[labels.index(asked)] += likely
-    total = weights.sum()
-    return weights / total if total else np.full(len(labels), 1 / len(labels))
+    weights = weights / weights.sum() if weights.any() else np.full(len(labels), 1 / len(labels))
+    return np.asarray(weights @ (tidy * shares.belongs + (1 - tidy) * shares.untidy))
 
 
 @lru_cache(maxsize=1024)
