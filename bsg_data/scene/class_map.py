@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections import ChainMap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,25 +25,29 @@ from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
     ClassSpace,
     parse_class_space,
+    read_columns,
     read_published,
     read_rows,
 )
 from bsg_data.scene.synonyms import RULE_FILES, UNKNOWN, Rule, list_synonyms, read_real_words
-from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.nearest import Spellings, ask_if_meant, nearest_names
 from bsg_data.words.normal import (
     LONGEST,
+    MOST_WORDS,
+    change_number,
     drop_number,
+    list_parts,
+    list_tails,
     normalise_name,
+    normalise_names,
     separate,
     take_apart,
 )
-from bsg_data.words.phrase import MOST_WORDS, list_parts, list_tails
-from bsg_data.words.plural import change_number
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_data.words.typo import index_words, mend
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
 _RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map
+_NAMELESS = re.compile(rf"\s*(?:{UNKNOWN})?\s*(?:/.*)?", re.IGNORECASE | re.DOTALL)
 _MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
 _SUFFIX = ".csv"
 MAP_FILES = {"spellings": _SUFFIX, "classes": ".classes.csv", "structure": ".structure.csv"}
@@ -124,8 +129,8 @@ class ClassMap:
         return max((len(name.split()) for name in self.words), default=0)
 
     @cached_property
-    def _typos(self) -> dict[str, list[str]]:
-        return index_words(self.words)
+    def _spellings(self) -> Spellings:
+        return Spellings(self.words)
 
     @cached_property
     def _resolved(self) -> dict[str, Classified]:
@@ -203,7 +208,7 @@ class ClassMap:
     def _mend(self, readings: Iterable[str]) -> Classified | None:
         """Return what a name with one typo stands for; None if that is not one class."""
         real = read_real_words()
-        near = {one for name in readings for one in mend(name, self._typos, real=real)}
+        near = {one for name in readings for one in self._spellings.mend(name, real=real)}
         found = [*filter(None, (self.lookup(one) or self._read([one]) for one in sorted(near)))]
         if len({entry.class_index for entry in found}) != 1 or found[0].class_index is None:
             return None
@@ -234,15 +239,14 @@ def _list_readings(name: str) -> list[str]:
 
 def is_nameless(name: str) -> bool:
     """Say whether a name is blank, `unknown` or `unknown/...`."""
-    return normalise_name(name).partition("/")[0].strip() in ("", UNKNOWN)
+    return _NAMELESS.fullmatch(name) is not None
 
 
 @cache
 def published_maps() -> Mapping[str, PublishedMap]:
     """Return the published maps by their names, in the order of `mappings/class_maps.csv`."""
-    data = read_published("class_maps.csv")
-    rows = read_rows("class_maps.csv", data, PublishedMap._fields)
-    return {row[0]: PublishedMap(*row) for _, row in rows}
+    rows = map(PublishedMap, *read_columns("class_maps.csv").values())
+    return {row.class_map: row for row in rows}
 
 
 def map_into(class_space: str) -> str:
@@ -385,21 +389,22 @@ def _parse_spellings(
     entries: dict[str, Classified] = {}
     normalised: dict[str, Classified] = {}
     rows = read_rows(file, data, ("raw_category", "category", "class"))
-    nameless = {*filter(is_nameless, {row[1] for _, row in rows})}
-    for line, (raw, category, name) in rows:
-        if name and name not in space.classes:
+    index = {name: number for number, name in enumerate(space.classes)}
+    nameless = {*filter(_NAMELESS.fullmatch, {row[1] for _, row in rows})}
+    spellings = normalise_names([row[0] for _, row in rows])
+    for (line, (raw, category, name)), spelling in zip(rows, spellings, strict=True):
+        role: Role = "structure" if category in structure else "left-out"
+        role = "classified" if name else "nameless" if category in nameless else role
+        entry = Classified(category, index.get(name), role)
+        if name and name not in index:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(name)} is no class of {space.name}"
             )
-        if raw in entries:
-            raise ClassMapError(f"{file}, line {line}: {show_value(raw)} is listed twice")
-        index = space.classes.index(name) if name else None
-        role: Role = "structure" if category in structure else "left-out"
-        role = "nameless" if category in nameless else role
-        entries[raw] = Classified(category, index, role if index is None else "classified")
-        if normalised.setdefault(normalise_name(raw), entries[raw]).class_index != index:
+        earlier = normalised.setdefault(spelling, entry)
+        if raw in entries or earlier.class_index != entry.class_index:
             raise ClassMapError(
-                f"{file}, line {line}: {show_value(raw)} differs from an earlier row only in case "
-                "or spaces but has another class"
+                f"{file}, line {line}: {show_value(raw)} is listed before, as it is, or in other "
+                "case or spaces with another class; keep one of the rows"
             )
+        entries[raw] = entry
     return entries, normalised

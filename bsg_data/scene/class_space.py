@@ -7,6 +7,7 @@ Models, pairs and beliefs have one class space. Several class maps can share a s
 
 from __future__ import annotations
 
+import csv
 import hashlib
 from collections.abc import Iterable, Sequence
 from functools import cache
@@ -105,6 +106,12 @@ def _list_published(folder: str) -> frozenset[str]:
     return frozenset(sums.splitlines())
 
 
+def read_columns(file: str, *, folder: str = "bsg_mappings") -> dict[str, tuple[str, ...]]:
+    """Read a published table, whose hash says that it is whole, as columns by name."""
+    rows = csv.reader(read_published(file, folder=folder).decode().splitlines())
+    return dict(zip(next(rows), zip(*rows, strict=True), strict=True))
+
+
 def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ...]]:
     """Parse `index,class,definition` as a space, and one sentence per class `[C]`."""
     file = f"{name}{_SUFFIX}"
@@ -122,7 +129,11 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
 
 
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
-    """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
+    """Read a CSV file in the form of `mappings/` as numbered rows.
+
+    Raises:
+        ClassMapError: if it is none, or has other columns; it names the line.
+    """
     try:
         first, *rows = [*parse_csv(data)] or [(1, [])]
     except ValueError as error:
@@ -141,8 +152,7 @@ def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int
 
 @cache
 def _load_parts() -> dict[str, str]:
-    rows = read_rows(_PARTS, read_published(_PARTS), ("category", "class"))
-    return dict(row for _, row in rows)
+    return dict(zip(*read_columns(_PARTS).values(), strict=True))
 
 
 def find_wholes(categories: Sequence[str], classes: Sequence[str]) -> Ints:

@@ -27,19 +27,24 @@ import numpy.typing as npt
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.class_space import read_columns
 from bsg_data.scene.synonyms import read_real_words
-from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import LONGEST, drop_number, separate, split_camel
-from bsg_data.words.plural import make_singular
+from bsg_data.words.nearest import Spellings, ask_if_meant
+from bsg_data.words.normal import (
+    LONGEST,
+    drop_number,
+    make_singular,
+    separate,
+    separate_names,
+    split_camel,
+)
 from bsg_data.words.shown import show_value
-from bsg_data.words.typo import index_words, near_words
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
 _NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
-_FILE = "room-labels-v1.csv"
+_FILE, _ROLES = "room-labels-v1.csv", "room-words-v1.csv"
 _ANY_SOURCE, _NEAREST, _BUILDING, _KIND = "any", "nearest", "building", "kind"
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room
@@ -51,35 +56,10 @@ _MARKS = re.compile(r"['’ʼ`´]|(?<=\b\w)\.|[\u0300-\u036f]")  # of possession
 _WORDS = re.compile(r"\d+(?:st|nd|rd|th)\b|[^\W\d_]+")
 _BETWEEN = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
 # Words beside the kind of a room that say which one it is.
-_WHICH = (
-    r"\w|one|two|three|four|five|six|seven|eight|nine|ten"
-    r"|first|second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth|ii|iii|iv|vi"
-    r"|the|my|our|no|nr|number|left|right|north|south|east|west|upstair|downstair"
-)
-_BEFORE = re.compile(_WHICH)
-_BEHIND = re.compile(
-    rf"{_WHICH}|area|block|boy|building|child|family|floor|gent|girl|ground|guest|kid|lady|level|main"
-    r"|master|men|parent|private|public|space|staff|storey|unit|visitor|wing|women|zone"
-)
-# Words of any room, which do not name its kind.
-_NO_NAMES = re.compile("area|cell|node|place|region|room|segment|space|zone")
-# Words for rooms that other things begin or end with, too: a towel bar, a cassette deck.
-_NO_HEADS = re.compile(
-    "bad|bar|bath|bureau|cave|chemist|child|deck|den|exam|kid|living|market|master|meeting|record"
-    "|salon|shop|store|suite|surgery"
-)
 _HOUSE_NUMBER = re.compile(r"\s*\d{3,4}\s*")  # of a room of a hotel
 _POSSESSOR = re.compile(r"\b([^\W\d_]{2,})['’´`](?:s\b|(?<=s['’´`])(?=\s))")
 _OWNED = ("bedroom", "child's bedroom", "office")
 _AFTER_KIND = re.compile(r"[\W\d_]*([A-Z][^\W\d_]{2,})[\W_]*")  # Emma, in "Bedroom - Emma"
-# People and animals of any name, of whom more than one may own a thing.
-_NO_OWNERS = re.compile(
-    "baby|bird|boy|cat|chef|child|children|cleaner|customer|doctor|dog|driver|everybody|everyone|gent"
-    "|gentlemen|girl|guest|he|here|horse|how|it|janitor|kid|lady|ladies|let|man|manager|master|men"
-    "|nurse|owner|parent|patient|people|pet|player|porter|resident|servant|she|somebody|someone"
-    "|staff|student|teacher|teenager|that|there|today|toddler|visitor|what|where|who|woman|women"
-    "|worker"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +127,9 @@ class RoomReader:
 
     @cached_property
     def _labels(self) -> dict[str, str | None]:
-        """The label of each word, and of each other spelling that has one alone."""
-        spoken: dict[str, set[str | None]] = {}
-        for word, label in self.own:
-            spoken.setdefault(normalise_room(word), set()).add(label)
-        clear = {word: labels.pop() for word, labels in spoken.items() if word and len(labels) == 1}
-        return {**clear, **dict(self.own)}
+        """The label of each word, and of its other spellings."""
+        spoken = {normalise_room(word): label for word, label in self.own}
+        return {word: label for word, label in spoken.items() if word} | dict(self.own)
 
 
 def check_own_label(word: str, label: str | None) -> str | None:
@@ -212,7 +189,7 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
     sizes = [(words, most) for words in forms for most in range(_HEAD, 0, -1) if most < len(words)]
     tails = [words[-most:] for words, most in sizes]
     for words in tails:
-        if (word := listed.get("".join(words))) and not _NO_HEADS.fullmatch(words[-1]):
+        if (word := listed.get("".join(words))) and not _is_of(words[-1], "other head"):
             return word, "head noun"
     for words, most in sizes:
         word = listed.get("".join(words[:most]))
@@ -227,7 +204,7 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
 
 def _may_follow(kind: str, rest: Sequence[str]) -> bool:
     """Say whether words behind a kind of room leave it one: Alpha, but not door or tool store."""
-    if _NO_HEADS.fullmatch(kind) or _NO_HEADS.fullmatch(rest[-1]):
+    if _is_of(kind, "other head") or _is_of(rest[-1], "other head"):
         return False
     lookup = load_class_map().lookup
     return all(lookup(" ".join(rest[start:])) is None for start in range(len(rest)))
@@ -240,11 +217,23 @@ def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
         said = [word for word in _WORDS.findall(piece) if not word[0].isdecimal()]
         words = tuple(map(make_singular, said))
         yield words
-        while words and _BEHIND.fullmatch(words[-1]):
+        while words and _is_of(words[-1], "which", "whose"):
             words = words[:-1]
-        while words and _BEFORE.fullmatch(words[0]):
+        while words and _is_of(words[0], "which"):
             words = words[1:]
         yield words
+
+
+def _is_of(word: str, *roles: str) -> bool:
+    """Say whether a word has one of some roles; one letter always says which room it is."""
+    return ("which" in roles and len(word) == 1) or any(word in _read_roles()[r] for r in roles)
+
+
+@cache
+def _read_roles() -> Mapping[str, frozenset[str]]:
+    """Return the words beside the kind of a room, by what they say."""
+    rows = zip(*read_columns(_ROLES).values(), strict=True)
+    return {role: frozenset(words.split("|")) for role, words in rows}
 
 
 def _make_plain(name: str) -> str:
@@ -255,7 +244,7 @@ def _make_plain(name: str) -> str:
 def _mend(key: str) -> str | None:
     """Return the listed word of which a key is a typo, if that is one kind of room."""
     rows, listed = _read_labels(), _list_keys()
-    near = near_words(key, _index_keys()) if len(key) >= _MENDED else []
+    near = _read_spellings().near(key) if len(key) >= _MENDED else []
     shifted = [one for one in near if len(one) != len(key) or sorted(one) == sorted(key)]
     keys = shifted or (near if len(key) >= _REPLACED else [])
     words = [listed[one] for one in keys]
@@ -331,7 +320,7 @@ def owner_of(name: str) -> str | None:
 
 
 def _is_owner(word: str) -> bool:
-    is_other = _NO_OWNERS.fullmatch(word) or _BEHIND.fullmatch(make_singular(word))
+    is_other = _is_of(word, "owner of any name") or _is_of(make_singular(word), "which", "whose")
     return not is_other and load_class_map().lookup(word) is None
 
 
@@ -341,7 +330,7 @@ def is_name(text: str) -> bool:
         return False
     words = next(iter(_list_forms(text)))
     return any(
-        (len(word) > 2 or not word.isascii()) and not _NO_NAMES.fullmatch(word) for word in words
+        (len(word) > 2 or not word.isascii()) and not _is_of(word, "any place") for word in words
     )
 
 
@@ -467,13 +456,15 @@ def _spread(said: tuple[tuple[str, float], ...]) -> npt.NDArray[np.float32]:
 @cache
 def _read_labels() -> Mapping[tuple[str, str], str | None]:
     """Read the published rows, each exact and normalised."""
-    header = ("source", "source_label", "label")
-    rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
-    sources, words, labels = zip(*rows, strict=True)
-    said: dict[tuple[str, str], str] = {}
-    for names in ([normalise_room(word) or word for word in words], words):
-        said |= dict(zip(zip(sources, names, strict=True), labels, strict=True))
-    return {key: label or None for key, label in said.items()}
+    sources, words, labels = read_columns(_FILE).values()
+    spoken = [
+        drop_number(name) or word for name, word in zip(separate_names(words), words, strict=True)
+    ]
+    return {
+        (source, name): label or None
+        for names in (spoken, words)
+        for source, name, label in zip(sources, names, labels, strict=True)
+    }
 
 
 @cache
@@ -500,6 +491,5 @@ def _list_known() -> frozenset[str]:
 
 
 @cache
-def _index_keys() -> Mapping[str, list[str]]:
-    """Return what `_list_keys` does, to find one that is spelled alike."""
-    return index_words(_list_keys())
+def _read_spellings() -> Spellings:
+    return Spellings(_list_keys())

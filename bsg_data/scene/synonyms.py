@@ -15,18 +15,15 @@ from itertools import chain
 from typing import Literal
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.class_space import read_columns
 from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import normalise_name, separate, take_apart
-from bsg_data.words.phrase import list_tails
-from bsg_data.words.plural import change_number
+from bsg_data.words.normal import change_number, list_tails, normalise_names, separate, take_apart
 from bsg_data.words.shown import SHOWN
 
 Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "phrase", "spelling"]
 UNKNOWN = "unknown"  # the category of a nameless object
 _SYNONYMS, _VOCABULARIES = "synonyms-v1.csv", "vocabularies-v1.csv"
 _REAL_WORDS = "real-words-v1.csv"
-_WORDS = ("vocabulary", "word", "category")
 _HM3D = "hm3d45-v1.csv"  # its names and their classes
 RULE_FILES = (_SYNONYMS, _VOCABULARIES, _REAL_WORDS)  # by which names are read that no map lists
 
@@ -75,7 +72,7 @@ def _name_meanings(listed: Mapping[str, tuple[str, str]]) -> dict[str, str]:
     synonyms, meanings = _read_synonyms(), zip(*listed.values(), strict=True)
     said = [*chain.from_iterable(meanings), *(synonyms.get(name, "") for name in listed)]
     found: dict[str, str] = {}
-    for one, name in zip(map(normalise_name, said), [*listed] * 3, strict=True):
+    for one, name in zip(normalise_names(said), [*listed] * 3, strict=True):
         if one and one != UNKNOWN and one not in listed:
             found.setdefault(one, name)
     return found
@@ -84,15 +81,13 @@ def _name_meanings(listed: Mapping[str, tuple[str, str]]) -> dict[str, str]:
 @cache
 def _read_classes() -> Mapping[str, str]:
     """Return the class of each of HM3D's names."""
-    header = ("raw_category", "category", "class")
-    names, _, classes = _read_columns(_HM3D, header)
-    return dict(zip(map(normalise_name, names), classes, strict=True))
+    table = read_columns(_HM3D)
+    return dict(zip(normalise_names(table["raw_category"]), table["class"], strict=True))
 
 
 @cache
 def _read_synonyms() -> Mapping[str, str]:
-    names, categories = _read_columns(_SYNONYMS, ("name", "category"))
-    return dict(zip(map(normalise_name, names), map(normalise_name, categories), strict=True))
+    return dict(zip(*map(normalise_names, read_columns(_SYNONYMS).values()), strict=True))
 
 
 @cache
@@ -101,8 +96,8 @@ def _read_vocabulary() -> Mapping[str, str]:
 
     A word in camel case or with brackets is there twice: `coffeetable` and `coffee table`.
     """
-    _, words, categories = _read_columns(_VOCABULARIES, _WORDS)
-    pairs = [*zip(words, map(normalise_name, categories), strict=True)]
+    table = read_columns(_VOCABULARIES)
+    pairs = [*zip(table["word"], normalise_names(table["category"]), strict=True)]
     return {separate(one): meant for word, meant in pairs for one in (word, take_apart(word))}
 
 
@@ -112,7 +107,7 @@ def vocabulary_words(name: str) -> tuple[str, ...]:
     Raises:
         RecipeError: if there is no such vocabulary.
     """
-    names, words, _ = _read_columns(_VOCABULARIES, _WORDS)
+    names, words, _ = read_columns(_VOCABULARIES).values()
     known, asked = sorted({*names}), name.casefold()
     if asked not in known:
         hint = f"{ask_if_meant(name, known)} there are {', '.join(known)}".lstrip()
@@ -125,11 +120,4 @@ def vocabulary_words(name: str) -> tuple[str, ...]:
 @cache
 def read_real_words() -> frozenset[str]:
     """Return words of English that are one typo from a word of a name."""
-    (words,) = _read_columns(_REAL_WORDS, ("word",))
-    return frozenset(words)
-
-
-@cache
-def _read_columns(file: str, header: tuple[str, ...]) -> list[tuple[str, ...]]:
-    rows = read_rows(file, read_published(file), header)
-    return [*zip(*(row for _, row in rows), strict=True)]
+    return frozenset(read_columns(_REAL_WORDS)["word"])

@@ -1,17 +1,23 @@
-"""Find the known names that an unknown one may stand for."""
+"""Known names that are spelled alike: the nearest ones, and those of which a word is a typo.
+
+A typo is one letter too many, missing or wrong, or two that are swapped; never the first.
+"""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Iterator
 
+from bsg_data.words.normal import drop_number, separate
 from bsg_data.words.shown import SHOWN
-from bsg_data.words.typo import SHORT, is_typo
 
 # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
 _LEAST_LIKENESS = 0.75
 _FEWEST_LETTERS = 4  # letters by which a word of a name is known
+SHORT = 5  # letters: nearly every name that is no longer resembles another one
+_LONG = 30  # letters: no word of a name has more
+_SHORT_WORD = 4  # letters of the shortest word that a longer one can be a typo of
 
 
 def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str, ...]:
@@ -45,3 +51,64 @@ def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:
     """Return the question whether a similar name was meant; empty if none is similar."""
     near = nearest_names(name, known, most=most)
     return f"did you mean {', '.join(near)}?" if near else ""
+
+
+def is_typo(said: str, word: str) -> bool:
+    """Say whether one letter is too many, missing or wrong, or two are swapped; not the first.
+
+    >>> is_typo("micorwave", "microwave"), is_typo("toilett", "toilet"), is_typo("xbox", "box")
+    (True, True, False)
+    """
+    if said == word or said[:1] != word[:1] or abs(len(said) - len(word)) > 1:
+        return False
+    at = next((i for i, (a, b) in enumerate(zip(said, word, strict=False)) if a != b), len(said))
+    a, b = said[at:], word[at:]
+    swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
+    return swapped or a[1:] == b[1:] or a[1:] == b or a == b[1:]
+
+
+class Spellings:
+    """The words of names, to find the one of which a word is a typo."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """Keep the words of names that a longer word can be a typo of."""
+        self._words: dict[str, list[str]] = {}  # by their first letter, which is never wrong
+        for word in sorted({*" ".join(names).split()}):
+            if _SHORT_WORD <= len(word) <= _LONG + 1:
+                self._words.setdefault(word[0], []).append(word)
+        self._indices: dict[str, dict[str, list[str]]] = {}
+
+    def near(self, said: str) -> list[str]:
+        """Return the words of which a word is a typo, sorted; none if it is one of them."""
+        index = self._index(said[:1]) if SHORT <= len(said) <= _LONG else {}
+        if said in index.get(said, ()):
+            return []
+        near = {word for less in index.keys() & _leave_out(said) for word in index[less]}
+        return sorted(word for word in near if is_typo(said, word))
+
+    def mend(self, name: str, *, real: Container[str]) -> Iterator[str]:
+        """Yield a normalised name with one word mended by one of these.
+
+        A word that is `real`, or short, is taken as it is.
+        """
+        words = drop_number(separate(name)).split()
+        if len("".join(words)) <= SHORT:
+            return
+        for i, said in enumerate(words):
+            for word in () if said in real else self.near(said):
+                yield " ".join([*words[:i], word, *words[i + 1 :]])
+
+    def _index(self, letter: str) -> dict[str, list[str]]:
+        """Return the words with a first letter, by what is left of each without one of its own."""
+        if letter not in self._indices:
+            index: dict[str, list[str]] = {}
+            for word in self._words.get(letter, ()):
+                for less in _leave_out(word):
+                    index.setdefault(less, []).append(word)
+            self._indices[letter] = index
+        return self._indices[letter]
+
+
+def _leave_out(word: str) -> set[str]:
+    """Return a word, and what is left of it without one of its letters."""
+    return {word, *(word[:i] + word[i + 1 :] for i in range(len(word)))}

@@ -5,40 +5,55 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any
+from itertools import islice
 from weakref import WeakKeyDictionary
 
+from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_SOUGHT
 from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
 from bsg_data.scene.room_label import owner_of
-from bsg_data.words.normal import LONGEST
+from bsg_data.words.nearest import SHORT, is_typo, nearest_names
+from bsg_data.words.normal import LONGEST, normalise_name, singulars
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
-from bsg_robot.answers.nouns import NounTable, may_be_one, read_nouns
+from bsg_robot.answers.nouns import NounTable, may_be_one, read_nouns, split_head
 from bsg_robot.answers.words import (
     Asked,
     Meaning,
-    counts,
     explain_everyday,
     find_everyday,
-    find_known,
-    find_meaning,
+    find_kind,
     find_wider,
+    is_room,
+    name_only,
     require_word,
     tell_apart,
 )
-from bsg_robot.things.things import Thing, find_group, find_thing
+from bsg_robot.things.things import Thing, find_group, find_thing, list_things
 from bsg_robot.things.uses import find_use, move_thing
 
 THINGS = "things-v1"  # the table of everyday things, where it answers
 _STAYS = 48.0  # hours, of a thing that no table has
 _MOST = 10_000  # words that are remembered, of each model
 _MOST_NAMED = 1000  # the same, of each thing
+_OFFERED = 3  # nouns offered in an error
+_REASONS = {  # why no model looks for a word, by what the class map reads
+    "structure": "it is a part of the building, and models count objects",
+    "left-out": "class maps know the name, but no shipped model has a class for it",
+}
 _MEANINGS: WeakKeyDictionary[Predictor, dict[str, Meaning | None]] = WeakKeyDictionary()
 
 
 class Dictionary:
     """What words mean for a building that has a model of its own.
+
+    The first rule that knows a word counts:
+
+    1. a class that counts just the things of its row in the table of everyday things;
+    2. the row itself, which knows more than likenesses do, but not of a word that the user's own
+       class map lists;
+    3. a class, however wide; what the word means narrows it, but in the user's own class map;
+    4. a noun, which no model counts.
 
     Attributes:
         own: the building's model.
@@ -78,8 +93,9 @@ class Dictionary:
         """Return what a word means; `RecipeError` if it means no thing."""
         require_word(word)
         found = self.look_up(word)
-        # Only who asks is told what may have been meant: that takes long.
-        return find_meaning(word, **self._reading) if found is None else found
+        if found is None:
+            raise self._refuse(word)
+        return found
 
     def look_up(self, word: str) -> Meaning | None:
         """Return what a word means; None if it means no thing."""
@@ -87,55 +103,158 @@ class Dictionary:
             return self._meanings[word]  # which another thread may clear
         except KeyError:
             pass
-        found = self._find(word) if word.strip() and len(word) <= LONGEST else None
+        found = None
+        if word.strip() and len(word) <= LONGEST:
+            found = self._find_counted(word) or self._find_row(word) or self._find_by_class(word)
         if found and found.is_class and found.class_name in self.own.untaught:
             never = f"no training building had a {found.class_name}, so the model expects none"
             found = replace(found, how="; ".join(filter(None, (found.how, never))))
-        self._remember(word, found)
-        return found
-
-    def _remember(self, word: str, meaning: Meaning | None) -> None:
         if len(self._meanings) >= _MOST:
             self._meanings.clear()
-        self._meanings[word] = meaning
+        self._meanings[word] = found
+        return found
+
+    def _find_by_class(self, word: str) -> Meaning | None:
+        """Return what a word means without the table of things."""
+        return self._find_class(word) or self._find_noun(word)
+
+    @cached_property
+    def _has_own_map(self) -> bool:
+        return self.own.class_map.version not in published_maps()
+
+    def _row_of(self, word: str) -> tuple[Thing | None, tuple[str, ...]]:
+        """Return the row of the table of things that a word is of, and the words that say more."""
+        if self._has_own_map and self.own.class_map.lookup(word):
+            return None, ()
+        listed = find_everyday(word)
+        return (listed, ()) if listed else find_wider(word)
+
+    def _find_counted(self, word: str) -> Meaning | None:
+        thing, more = self._row_of(word)
+        if thing is None or any(find_use(one) for one in more if one != owner_of(word)):
+            return None
+        classes = self.own.class_map.classes
+        # Of the wide classes, which few annotators noted, the table knows more.
+        taught = {*(classes if self._has_own_map else load_class_map().classes)}
+        taught -= {*self.own.untaught}
+        name = next((name for name in classes if name in thing.names and name in taught), None)
+        found = None if name is None else self._find_by_class(name)
+        return found and replace(
+            found, word=word, how=explain_everyday(thing, word, class_name=name)
+        )
+
+    def _find_row(self, word: str) -> Meaning | None:
+        thing, more = self._row_of(word)
+        if thing is None:
+            return None
+        found = self._find_by_class(thing.name) or Meaning(word, None, None, "", is_exact=False)
+        others = [one for one in more if one != owner_of(word)]
+        uses = [one for one in others if find_use(one)]
+        is_kind = self._nouns is not None and self._nouns.knows(others)  # else a brand
+        thing = move_thing(thing, uses)
+        return replace(
+            found,
+            word=word,
+            thing=thing,
+            how=explain_everyday(thing, word),
+            told=tell_apart(word),
+            kind=frozenset(others if is_kind else uses),
+        )
+
+    def _find_class(self, word: str) -> Meaning | None:
+        """Return the class of a word; one that holds other things, too, is narrowed by its noun."""
+        found = self._classify(word)
+        if found is None or found.is_exact or found.is_mended or self._has_own_map:
+            return found
+        noun = self._nouns.find(name_only(word)) if self._nouns else None
+        if noun is None or found.class_name in noun.like:  # a sofa is a couch
+            return found
+        how = f"{found.how}, and judged by what is like it: {', '.join(noun.like)}"
+        if more := split_head(noun.name)[0]:
+            how += f"; {' '.join(more)!r} sets it apart from any other {noun.head}"
+        return replace(found, how=how, noun=noun)
+
+    def _find_noun(self, word: str) -> Meaning | None:
+        """Return a noun that is no part of the building, room, person, colour or event."""
+        said = name_only(word)
+        noun = self._nouns.find(said) if self._nouns else None
+        role = self.own.class_map.classify(said).role
+        if noun is None or role == "structure" or is_room(said) or self._kind_of(said):
+            return None
+        by_head = "" if split_head(noun.name) == ([], noun.head) else f"its word {noun.head!r} and "
+        how = (
+            f"no model counts {noun.name!r}, so it is judged by {by_head}what is like it: "
+            f"{', '.join(noun.like)}"
+        )
+        return Meaning(word, None, None, how, is_exact=False, noun=noun)
 
     @cached_property
     def _nouns(self) -> NounTable | None:
         """No help for a model that everybody may use, because it is for research."""
         return None if self.own.is_free else read_nouns()
 
-    @cached_property
-    def _reading(self) -> dict[str, Any]:
-        """How words are read: see `find_known`."""
-        own = self.own.class_map
-        is_own = own.version not in published_maps()
-        return {"class_map": own, "prefer_exact": not is_own, "nouns": self._nouns}
+    def _kind_of(self, said: str) -> str | None:
+        """Return what a word is that names no thing, if the class map does not know it."""
+        is_unknown = self.own.class_map.classify(said).role in ("unmapped", "nameless")
+        return find_kind(said) if is_unknown else None
 
-    def _find(self, word: str) -> Meaning | None:
-        """Return what a word means; the table of everyday things knows more than likenesses do."""
-        own, is_own = self.own.class_map, not self._reading["prefer_exact"]
-        if is_own and own.lookup(word):
-            return find_known(word, **self._reading)
-        listed = find_everyday(word)
-        thing, more = (listed, ()) if listed else find_wider(word)
-        if thing is None:
-            return find_known(word, **self._reading)
-        owner = owner_of(word)
-        others = [one for one in more if one != owner]
-        uses = [one for one in others if find_use(one)]
-        # Of the wide classes, which few annotators noted, the table knows more.
-        taught = {*(own.classes if is_own else load_class_map().classes)} - {*self.own.untaught}
-        for name in () if uses else own.classes:
-            if counts(name, thing) and name in taught:
-                how = explain_everyday(thing, word, class_name=name)
-                return replace(find_meaning(name, **self._reading), word=word, how=how)
-        known = find_known(thing.name, **self._reading)
-        found = known or Meaning(word, None, None, "", is_exact=False)
-        thing, told, nouns = move_thing(thing, uses), tell_apart(word), self._nouns
-        how = explain_everyday(thing, word)
-        is_kind = nouns is not None and nouns.knows(others)  # else a brand
-        kind = frozenset(others if is_kind else uses)
-        return replace(found, word=word, thing=thing, how=how, told=told, kind=kind)
+    def _classify(self, word: str) -> Meaning | None:
+        """Return the class of a word by the map of the model; None if it has none."""
+        class_map, thing = self.own.class_map, name_only(word)
+        named, said = [*map(normalise_name, class_map.classes)], normalise_name(thing)
+        if said in named:
+            index = named.index(said)
+            how = "" if thing == word else f"{word!r} is {thing!r}"
+            return Meaning(word, class_map.classes[index], index, how, is_exact=True)
+        found = class_map.classify(thing)
+        if found.class_index is None:
+            return None
+        name, category = class_map.classes[found.class_index], str(found.category)
+        is_mended = found.rule == "spelling"
+        steps = []
+        if is_mended:
+            steps.append(f"no model knows {word!r}; taken for {category!r}, the most similar name")
+        elif said != normalise_name(category):
+            rule = "" if found.rule is None else f" by the rule {found.rule!r}"
+            steps.append(f"{word!r} is {category!r}{rule}")
+        if category != name:
+            steps.append(f"{category!r} is one of the class {name!r}")
+        is_exact = not is_mended and name in (category, *singulars(category))
+        how = ", ".join(steps)
+        return Meaning(word, name, found.class_index, how, is_exact, is_mended=is_mended)
+
+    def _refuse(self, word: str) -> RecipeError:
+        """Return the error for a word that means no thing; it says what may have been meant."""
+        said = name_only(word)
+        role, kind = self.own.class_map.classify(said).role, self._kind_of(said)
+        near = () if kind else self._near(said)
+        if kind is not None:
+            article = "an" if kind[0] in "aeiou" else "a"
+            why = f"it is the word for {article} {kind}, and models look for things"
+        else:
+            why = _REASONS.get(role, "no known thing has this English name")
+        hint = f"; did you mean {', '.join(near)}?" if near else "."
+        return RecipeError(
+            f"no model here can look for {word!r}: {why}{hint} `bsg-data map show CATEGORY` says "
+            "which class a name has",
+            code="thing-unknown",
+            where=word,
+        )
+
+    def _near(self, said: str) -> tuple[str, ...]:
+        """Return names of things and classes, or else of nouns, that are spelled alike."""
+        class_map, word = self.own.class_map, normalise_name(said)
+        # Corrected names of the map, because published spellings have errors.
+        counted = (
+            one.category for one in class_map.entries.values() if one.class_index is not None
+        )
+        names = [name for thing in list_things() for name in thing.names]
+        names += map(normalise_name, (*map(str, counted), *class_map.classes))
+        if near := nearest_names(word, names):
+            return near
+        is_unmapped = class_map.classify(said).role == "unmapped" and len(word) > SHORT
+        nouns = self._nouns.known if self._nouns and is_unmapped else ()
+        return tuple(islice((noun for noun in nouns if is_typo(word, noun)), _OFFERED))
 
     def thing_of(self, meaning: Meaning) -> Thing | None:
         """Return the row of the table of things for a meaning."""

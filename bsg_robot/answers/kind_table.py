@@ -17,11 +17,10 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.scene.room_label import known_label
 from bsg_models.zoo.hand_prior import read_hand_table
-from bsg_robot.tables.table import read_file, read_table
+from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import Thing, find_thing, is_narrow, list_things
 
-_KINDS = "kinds-v1.csv"
-_FACTS = ("floor_area", "spread", "neighbours", "passage")
+_FACTS = ("kind", "floor_area", "spread", "neighbours", "passage", "furnished_like", "holds")
 _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
 _OURS, _ELSEWHERE = 0.15, 0.95
@@ -101,7 +100,7 @@ class KindTable:
         row = self.row.get(thing.name)
         if row is not None and self.things[row] is thing:
             return np.asarray(self.shares[row])
-        return np.asarray(_share([thing], self.kinds)[0])
+        return np.asarray(_share([thing], self.kinds)[0][0])
 
     @cached_property
     def log_presence(self) -> Floats:
@@ -121,31 +120,29 @@ class KindTable:
 @lru_cache(maxsize=4096)  # the rooms of a map have the same ones
 def log_presence_of(thing: Thing, table: KindTable) -> Floats:
     """Return log P(a room of each kind has a thing that a word has moved), `[K]`."""
-    shares = table.shares_of(thing)[None]
-    return np.log(_be_present([thing], shares, table.numbers, table.kinds)[:, 0])
+    shares, named = _share([thing], table.kinds)
+    return np.log(_be_present([thing], shares, named, table.numbers)[:, 0])
 
 
 @cache
 def read_kinds() -> KindTable:
     """Read the tables."""
-    header = tuple(read_file(_KINDS).partition(b"\n")[0].decode().split(","))
-    rows = read_table(_KINDS, header)
-    buildings = header[1 : -len(_FACTS)]
-    kinds = tuple(row[0] for row in rows)
-    numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
+    table = read_table("kinds-v1.csv")
+    kinds, buildings = table["kind"], tuple(name for name in table if name not in _FACTS)
+    numbers = np.array([table[name] for name in buildings], dtype=float)
     things = list_things()
-    shares = _share(things, kinds)
-    presence = _be_present(things, shares, numbers, kinds)
+    shares, named = _share(things, kinds)
+    presence = _be_present(things, shares, named, numbers)
     said, is_class = _read_presence(kinds, things)
     presence = np.where(np.isnan(said), presence, said)
     return KindTable(
         kinds=kinds,
         buildings=buildings,
-        numbers=numbers[: len(buildings)],
-        floor_area=numbers[-3],
-        spread=numbers[-2],
-        neighbours=numbers[-1],
-        passages=np.array([row[-1] == "yes" for row in rows]),
+        numbers=numbers,
+        floor_area=np.array(table["floor_area"], dtype=float),
+        spread=np.array(table["spread"], dtype=float),
+        neighbours=np.array(table["neighbours"], dtype=float),
+        passages=np.array(table["passage"]) == "yes",
         things=things,
         shares=shares,
         presence=presence,
@@ -153,13 +150,10 @@ def read_kinds() -> KindTable:
     )
 
 
-def _be_present(
-    things: Sequence[Thing], shares: Floats, numbers: Floats, kinds: Sequence[str]
-) -> Floats:
+def _be_present(things: Sequence[Thing], shares: Floats, named: Bools, numbers: Floats) -> Floats:
     """Return P(a room of a kind has a thing) from shares `[T, K]`, `[K, T]`."""
     homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
-    named = [{kind for kind, _ in thing.rooms} for thing in things]
-    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] < _OFTEN)
+    foreign = named & (numbers[0] < _OFTEN)
     others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
     there = np.where(foreign, np.maximum(homes, others), homes)
     each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
@@ -187,18 +181,24 @@ def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Float
     return said, is_class
 
 
-def _share(things: Sequence[Thing], kinds: Sequence[str]) -> Floats:
-    """Return the shares of kinds `[T, K]`; those of kinds that homes have sum to 1."""
-    shares = np.zeros((len(things), len(kinds)))
+def _share(things: Sequence[Thing], kinds: Sequence[str]) -> tuple[Floats, Bools]:
+    """Return the shares of kinds `[T, K]`, and which the table names.
+
+    Those of kinds that homes have sum to 1.
+    """
     column = {kind: number for number, kind in enumerate(kinds)}
-    read = [(number, kind, known_label(kind)) for number, kind in enumerate(kinds)]
-    others = [one for one in read if one[1] != one[2] and not is_narrow(one[1])]
-    for row, thing in zip(shares, things, strict=True):
-        said = dict(thing.rooms)
-        for kind, share in said.items():
-            if kind in column:
-                row[column[kind]] = share
-        for number, kind, known in others:
-            if kind not in said and known in said:
-                row[number] = _FOREIGN * said[known]
-    return shares
+    cells = [
+        (row, column[kind], share)
+        for row, thing in enumerate(things)
+        for kind, share in thing.rooms
+        if kind in column
+    ]
+    rows, columns, weights = zip(*cells, strict=True)
+    shares, named = np.zeros((len(things), len(kinds))), np.zeros((len(things), len(kinds)), bool)
+    shares[rows, columns], named[rows, columns] = weights, True
+    near = [known_label(kind) for kind in kinds]
+    follows = [
+        kind != known and not is_narrow(kind) for kind, known in zip(kinds, near, strict=True)
+    ]
+    like = _FOREIGN * shares[:, [column[kind] for kind in near]]
+    return np.where(follows & ~named, like, shares), named

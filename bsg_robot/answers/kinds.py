@@ -26,7 +26,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.scene.room_label import normalise_room, owner_of
+from bsg_data.scene.room_label import normalise_room, owner_of, weigh_labels
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph
 from bsg_models.zoo.model import one_thread
 from bsg_robot.answers.kind_table import KindTable, log_presence_of
@@ -166,7 +166,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         by_things=~is_told,
         doubted=_doubt_labels(told, silent, table),
         named=tuple(map(_name_things, graph.rooms)),
-        owners=tuple(map(_name_owner, graph.rooms)),
+        owners=tuple(owner_of(room.name) or owner_of(room.label or "") for room in graph.rooms),
     )
 
 
@@ -209,11 +209,6 @@ def _name_thing(name: str) -> Thing | None:
     return find_everyday(" ".join(normalise_room(name).split()[:-1]))
 
 
-def _name_owner(room: KnownRoom) -> str | None:
-    """Return whose a room is, by its names."""
-    return owner_of(room.name) or owner_of(room.label or "")
-
-
 def _normalise(rows: Floats) -> Floats:
     return np.asarray(rows / rows.sum(axis=1, keepdims=True).clip(min=1e-300))
 
@@ -244,8 +239,8 @@ def _read_thing(word: str) -> Thing | None:
 
 def _read_label(room: KnownRoom, table: KindTable) -> Floats:
     """Return what is said of the kind of a room, `[K]`; sums to 1 or less."""
-    said, row = room.room_type, np.zeros(len(table.kinds))
-    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
+    row = np.zeros(len(table.kinds))
+    for label, likely in weigh_labels(room.room_type).items():
         if (column := table.column.get(label)) is not None:
             row[column] += likely
     return row

@@ -21,50 +21,20 @@ import numpy as np
 from safetensors.numpy import load
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.words.normal import normalise_name
-from bsg_data.words.phrase import MOST_WORDS, drop_kind, list_parts
-from bsg_data.words.plural import singulars
+from bsg_data.words.normal import MOST_WORDS, drop_kind, list_parts, normalise_name, singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_robot.tables.table import read_file
+from bsg_robot.tables.table import read_file, read_table
 
 _NOUNS = "nouns-v1.safetensors"  # a file of the package `bsg_mappings`
 EPSILON = 0.005  # objects, added to an expected count before its logarithm
 HEAD = 0.5  # weight of the head of a compound; the words before it share the rest
 _SHORT = 4  # letters: shorter parts of a word are chance
-# Words that say nothing of where a thing is. Those of one kind tell things apart: a red mug is no
-# blue one, but it may be the big one.
-# fmt: off
-_COLOURS = frozenset({
-    "red", "blue", "green", "yellow", "black", "white", "grey", "gray", "brown", "pink", "purple",
-    "orange", "beige", "golden", "silver", "turquoise", "violet", "navy", "dark", "bright",
-    "striped", "colourful", "colorful", "transparent",
-})
-_SIZES = frozenset({
-    "big", "small", "large", "little", "tiny", "huge", "tall", "short", "long", "wide", "narrow",
-    "round", "square",
-})
-_STATES = frozenset({
-    "old", "new", "clean", "dirty", "empty", "full", "broken", "favourite", "favorite", "other",
-})
-_APPEARANCES = _COLOURS | _SIZES | _STATES
-_BRANDS = frozenset({  # that are known words; others are no words at all
-    "ikea", "nike", "adidas", "apple", "dell", "canon", "samsung", "dyson", "lego",
-})
-_LOOKS = _COLOURS | _SIZES | _STATES | _BRANDS
-# What it is made of, and how many there are, tells nothing apart.
-_MAKES = frozenset({
-    "spare", "best", "warm", "cheap", "fake", "nice", "good", "guest", "wooden", "plastic", "metal",
-    "steel", "iron", "leather", "ceramic", "porcelain", "cotton", "wool", "woollen", "linen",
-    "marble", "rubber", "bamboo", "oak", "pine", "glass", "silk", "stainless", "cast", "electric",
-    "wireless", "bluetooth", "digital", "portable",
-    "one", "two", "three", "four", "five", "six",
-})
-# Plurals that mean something else than their singular, or have none.
-_PLURAL = frozenset({
-    "glasses", "clothes", "scissors", "goods", "pants", "shorts", "jeans", "tights", "news", "keys",
-})
-# fmt: on
+_WORDS = "words-v1.csv"
+# Kinds of words that say nothing of where a thing is. Those of one kind tell things apart: a red
+# mug is no blue one, but it may be the big one.
+_APPEARANCES = ("colour", "size", "state")
+_LOOKS = (*_APPEARANCES, "brand")
 _DETERMINERS = re.compile(
     r"^(?:(?:an?|the|my|your|his|her|its|our|their|this|that|some|any)(?: |$))+"
 )
@@ -88,7 +58,8 @@ def _split_head(name: str) -> tuple[tuple[str, ...], str]:
     said = re.sub(r"[^\w']|_", " ", plain).rstrip(" 0123456789")
     words = [word.removesuffix("'s").strip("'") for word in said.split()[:MOST_WORDS]]
     words = drop_kind(_DETERMINERS.sub("", " ".join(words))).split()
-    before = tuple(word for word in words[:-1] if word not in _LOOKS | _MAKES)
+    known = _list_words(*_LOOKS, "make")
+    before = tuple(word for word in words[:-1] if word not in known)
     return (before, words[-1]) if words else ((), "")
 
 
@@ -99,7 +70,7 @@ def looks_of(name: str) -> frozenset[str]:
     >>> sorted(looks_of("the big red mug"))
     ['big', 'red']
     """
-    return _LOOKS & {*normalise_name(name).split()[:MOST_WORDS]}
+    return _list_words(*_LOOKS) & {*normalise_name(name).split()[:MOST_WORDS]}
 
 
 def may_be_one(told: frozenset[str], other: frozenset[str]) -> bool:
@@ -108,11 +79,17 @@ def may_be_one(told: frozenset[str], other: frozenset[str]) -> bool:
     >>> [may_be_one(frozenset({"nokia"}), frozenset({one})) for one in ("black", "samsung")]
     [True, False]
     """
-    one, two = told - _APPEARANCES, other - _APPEARANCES  # brands, and kinds of the thing
-    if one and two and one.isdisjoint(two):
-        return False
-    looks = ((told & of, other & of) for of in (_COLOURS, _SIZES, _STATES))
-    return not any(one and two and one.isdisjoint(two) for one, two in looks)
+    brands = [words - _list_words(*_APPEARANCES) for words in (told, other)]  # and kinds of it
+    looks = ([words & _list_words(kind) for words in (told, other)] for kind in _APPEARANCES)
+    return not any(a and b and a.isdisjoint(b) for a, b in (brands, *looks))
+
+
+@cache
+def _list_words(*kinds: str) -> frozenset[str]:
+    """Return the words of some kinds."""
+    table = read_table(_WORDS)
+    rows = zip(table["word"], table["kind"], strict=True)
+    return frozenset(word for word, kind in rows if kind in kinds)
 
 
 @lru_cache(maxsize=4096)  # all that is sought is compared with all that was seen
@@ -240,7 +217,7 @@ class NounTable:
         return [word]
 
     def _row(self, word: str, *, things: bool = False) -> int | None:
-        one = () if word in _PLURAL else singulars(word)
+        one = () if word in _list_words("plural") else singulars(word)
         rows = (self.rows.get(spelling) for spelling in (*one, word))
         return next((r for r in rows if r is not None and (self.things[r] or not things)), None)
 

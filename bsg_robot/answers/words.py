@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cache, lru_cache
-from itertools import chain, islice
+from itertools import chain
 from types import MappingProxyType
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.class_map import ClassMap, Role, load_class_map
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import owner_of, read_room
 from bsg_data.scene.synonyms import read_real_words
-from bsg_data.words.nearest import ask_if_meant, nearest_names
-from bsg_data.words.normal import LONGEST, MARKS, normalise_name
-from bsg_data.words.phrase import list_parts
-from bsg_data.words.plural import singulars
+from bsg_data.words.nearest import Spellings, ask_if_meant
+from bsg_data.words.normal import LONGEST, MARKS, list_parts, normalise_name, singulars
 from bsg_data.words.shown import SHOWN, show_value
-from bsg_data.words.typo import SHORT, index_words, is_typo, mend
 from bsg_models.belief.hidden_share import ShareBelief
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.found_model import WIDE_MAP
-from bsg_robot.answers.nouns import Noun, NounTable, looks_of, split_head
+from bsg_robot.answers.nouns import Noun, looks_of, split_head
 from bsg_robot.graph.reports import follow_rooms
 from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import Thing, find_keeping, find_thing, list_things
@@ -78,7 +75,7 @@ class Meaning:
     @property
     def said(self) -> str:
         """The name without its place and marks."""
-        return _name_only(self.word)
+        return name_only(self.word)
 
     @property
     def owner(self) -> str | None:
@@ -103,49 +100,8 @@ class Meaning:
         return str(self.class_name) if self.is_class else " ".join(self.word.split())
 
 
-def find_meaning(
-    word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
-) -> Meaning:
-    """Return what a word means, by `find_known`; else an error says what may have been meant."""
-    if found := find_known(word, class_map, prefer_exact=prefer_exact, nouns=nouns):
-        return found
-    said = _name_only(word)
-    role = class_map.classify(said).role
-    kind = find_kind(said) if role in ("unmapped", "nameless") else None
-    near = [] if kind else _spelled_alike(said, class_map)
-    if not near and kind is None and nouns is not None and role == "unmapped":
-        near = _mended(said, nouns.known)
-    raise RecipeError(_refusal(word, kind, role, near), code="thing-unknown", where=word)
-
-
-def find_known(
-    word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
-) -> Meaning | None:
-    """Return what a word means: a class, or else a noun; None if it means no thing.
-
-    A wide class is narrowed by what the word means. A word without a class is looked up among the
-    `nouns`, unless it is a part of the building, a room, or no thing at all: a person, an animal, a
-    colour, an action or an event. `prefer_exact=False` takes a class however wide it is: for a map
-    that is the user's own.
-    """
-    require_word(word)
-    said = _name_only(word)
-    found = _look_up(word, said, class_map)
-    if found and (found.is_exact or not (prefer_exact or found.is_mended)):
-        return found
-    noun = nouns.find(said) if nouns else None
-    if found is not None:
-        return found if noun is None or found.is_mended else _narrow(found, noun)
-    role = class_map.classify(said).role
-    if noun is None or role == "structure" or _is_room(said):
-        return None
-    if role in ("unmapped", "nameless") and find_kind(said):
-        return None
-    return Meaning(word, None, None, _explain(noun), is_exact=False, noun=noun)
-
-
 @lru_cache(maxsize=_REMEMBERED)
-def _name_only(word: str) -> str:
+def name_only(word: str) -> str:
     """Return the name of a thing without its place and marks: a book on the table is a book.
 
     A list has the thing first: a `chair, garden` is a garden chair.
@@ -168,8 +124,8 @@ def _is_listed(name: str) -> bool:
     return find_thing(name) is not None or load_class_map().lists(name)
 
 
-def _is_room(said: str) -> bool:
-    """Return whether a word is listed as a kind of room; dinner is none, by a rule or not."""
+def is_room(said: str) -> bool:
+    """Say whether a word is listed as a kind of room; dinner is none, by a rule or not."""
     read = read_room(said)
     return read.label is not None and read.rule is None
 
@@ -177,7 +133,7 @@ def _is_room(said: str) -> bool:
 @cache
 def _read_kinds() -> Mapping[str, str]:
     """Return what words are that name no thing."""
-    return dict(read_table(_NO_THINGS, ("word", "kind")))
+    return dict(zip(*read_table(_NO_THINGS).values(), strict=True))
 
 
 def find_kind(said: str) -> str | None:
@@ -200,12 +156,12 @@ def find_everyday(word: str) -> Thing | None:
     A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
     one typo is mended.
     """
-    return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
+    return None if len(word) > LONGEST else find_listed(word) or _find_mended(word)
 
 
-def _find_listed(word: str) -> Thing | None:
+def find_listed(word: str) -> Thing | None:
     """Return the thing that a name is listed as."""
-    said = _name_only(word)
+    said = name_only(word)
     before, head = split_head(said)
     if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
@@ -216,13 +172,13 @@ def _find_listed(word: str) -> Thing | None:
 
 
 def _find_mended(word: str) -> Thing | None:
-    said = _name_only(word)
+    said = name_only(word)
     known = load_class_map().classify(said)
     if known.rule == "spelling" and (thing := find_thing(str(known.category))):
         return thing
     if known.rule != "spelling" and known.role != "unmapped":
         return None
-    near = sorted(mend(normalise_name(said), _letters(), real=read_real_words()))
+    near = sorted(_read_spellings().mend(normalise_name(said), real=read_real_words()))
     return next(filter(None, map(find_thing, near)), None)
 
 
@@ -239,13 +195,13 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     """
     if len(word) > LONGEST or find_everyday(word):
         return None, ()
-    said, class_map = _name_only(word), load_class_map()
+    said, class_map = name_only(word), load_class_map()
     known = class_map.classify(said)
     is_known = known.role != "unmapped" and known.rule != "head noun"
     before, head = split_head(str(known.category) if is_known and known.rule else said)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
         name, told = " ".join([*before[number:], head]), tuple(before[:number])
-        if thing := _find_listed(name):
+        if thing := find_listed(name):
             index = known.class_index
             is_kind = index is not None and index == class_map.classify(name).class_index
             if is_known and not (is_kind and any(map(find_use, told))):
@@ -265,25 +221,20 @@ def tell_apart(word: str) -> frozenset[str]:
     >>> [sorted(tell_apart(word)) for word in ("red mug", "my Nokia phone", "wine glass")]
     [['red'], ['nokia'], []]
     """
-    return looks_of(_name_only(word)) | frozenset(find_wider(word)[1])
+    return looks_of(name_only(word)) | frozenset(find_wider(word)[1])
 
 
 @cache
-def _letters() -> dict[str, list[str]]:
-    """Return the words of everyday things, to find one that is spelled alike."""
-    return index_words(name for thing in list_things() for name in thing.names)
-
-
-def counts(class_name: str, thing: Thing) -> bool:
-    """Return whether a class counts just these things: a couch, but not the wallets among bags."""
-    return class_name in thing.names
+def _read_spellings() -> Spellings:
+    """Return the words of everyday things."""
+    return Spellings(name for thing in list_things() for name in thing.names)
 
 
 def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) -> str:
     """Say where people search for an everyday thing, or which class counts it."""
     name, how = class_name or thing.name, []
     if normalise_name(word) != normalise_name(name):
-        is_mended = _find_listed(word) is None and find_wider(word)[0] is None
+        is_mended = find_listed(word) is None and find_wider(word)[0] is None
         taken = f"no model knows {word!r}; taken for {name!r}, the most similar name"
         how.append(taken if is_mended else f"{word!r} is {name!r}")
     if class_name is None:
@@ -299,88 +250,6 @@ def require_word(word: object) -> None:
             f"expected the name of a thing, of 1 to {LONGEST} characters, found {show_value(word)}",
             code="thing-none",
         )
-
-
-def _narrow(wider: Meaning, noun: Noun) -> Meaning:
-    """Add what a word means to a class that holds other things, too.
-
-    A sofa is a couch, by what both are like; a fork is not just any tableware.
-    """
-    if wider.class_name in noun.like:
-        return wider
-    how = f"{wider.how}, and judged by what is like it: {', '.join(noun.like)}"
-    if told := split_head(noun.name)[0]:
-        how += f"; {' '.join(told)!r} sets it apart from any other {noun.head}"
-    return replace(wider, how=how, noun=noun)
-
-
-def _explain(noun: Noun) -> str:
-    """Say that a noun is not counted, and what it is judged by."""
-    by_head = "" if split_head(noun.name) == ([], noun.head) else f"its word {noun.head!r} and "
-    return (
-        f"no model counts {noun.name!r}, so it is judged by {by_head}what is like it: "
-        f"{', '.join(noun.like)}"
-    )
-
-
-def _look_up(word: str, thing: str, class_map: ClassMap) -> Meaning | None:
-    """Return the class of a thing by the map of a model; None if it has none."""
-    said = normalise_name(thing)
-    named = [normalise_name(name) for name in class_map.classes]
-    if said in named:
-        index = named.index(said)
-        how = "" if thing == word else f"{word!r} is {thing!r}"
-        return Meaning(word, class_map.classes[index], index, how, is_exact=True)
-    found = class_map.classify(thing)
-    if found.class_index is None:
-        return None
-    name = class_map.classes[found.class_index]
-    steps = []
-    if said != normalise_name(str(found.category)):
-        rule = "" if found.rule is None else f" by the rule {found.rule!r}"
-        steps.append(f"{word!r} is {found.category!r}{rule}")
-    is_mended = found.rule == "spelling"
-    if is_mended:
-        steps = [f"no model knows {word!r}; taken for {found.category!r}, the most similar name"]
-    is_exact = not is_mended and name in (found.category, *singulars(str(found.category)))
-    if found.category != name:
-        steps.append(f"{found.category!r} is one of the class {name!r}")
-    how = ", ".join(steps)
-    return Meaning(word, name, found.class_index, how, is_exact, is_mended=is_mended)
-
-
-def _spelled_alike(word: str, class_map: ClassMap) -> list[str]:
-    """Return names of things and classes that are spelled similarly."""
-    names = dict.fromkeys(name for thing in list_things() for name in thing.names)
-    for entry in class_map.entries.values():  # corrected names: published spellings have errors
-        if entry.class_index is not None:
-            names.setdefault(normalise_name(str(entry.category)))
-    names |= dict.fromkeys(map(normalise_name, class_map.classes))
-    return list(nearest_names(normalise_name(word), names))
-
-
-def _mended(word: str, known: Sequence[str]) -> list[str]:
-    """Return the nouns that a word is one typo from, the most frequent first."""
-    said = normalise_name(word)
-    near = (noun for noun in known if len(said) > SHORT and is_typo(said, noun))
-    return list(islice(near, _OFFERED))
-
-
-def _refusal(word: str, kind: str | None, role: Role, near: Sequence[str]) -> str:
-    if kind is not None:
-        article = "an" if kind[0] in "aeiou" else "a"
-        why = f"it is the word for {article} {kind}, and models look for things"
-    elif role == "structure":
-        why = "it is a part of the building, and models count objects"
-    elif role == "left-out":
-        why = "class maps know the name, but no shipped model has a class for it"
-    else:
-        why = "no known thing has this English name"
-    hint = f"; did you mean {', '.join(near)}?" if near else "."
-    return (
-        f"no model here can look for {word!r}: {why}{hint} `bsg-data map show CATEGORY` says "
-        "which class a name has"
-    )
 
 
 def find_room(graph: PartialGraph, name: str) -> int:

@@ -31,6 +31,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.scene.room_label import known_label, weigh_labels
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import (
     Receptacle,
     find_keeping,
@@ -44,30 +45,6 @@ _OVERLOOKED = 0.2  # of the furniture that models expect, once a robot was insid
 _KEEPING = 0.8  # how far the table of keeping is trusted
 _EVERYWHERE = 3.0  # weight of every piece besides those where a person would look, per cent
 _ELSEWHERE = 0.3  # the same of a piece that holds one kind of things, such as a shoe rack
-# Kinds of rooms of which people were not asked, by one that is furnished alike.
-_FURNISHED_LIKE: Mapping[str, str] = {
-    "bar": "dining room",
-    "break room": "kitchen",
-    "classroom": "office",
-    "computer room": "office",
-    "conference hall": "dining room",
-    "copy room": "office",
-    "game room": "playroom",
-    "infirmary": "bedroom",
-    "laboratory": "office",
-    "laundry room": "utility room",
-    "library": "office",
-    "lobby": "entrance",
-    "locker room": "closet",
-    "lounge": "living room",
-    "meeting room": "dining room",
-    "phone room": "office",
-    "restaurant": "dining room",
-    "shop": "storage room",
-    "spa": "bathroom",
-    "staircase": "corridor",
-    "toilet": "bathroom",
-}
 
 
 Labels = tuple[tuple[str, float], ...]  # of a room, with their probabilities
@@ -210,30 +187,23 @@ def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float
     return float(rates.mean()) * (1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden))
 
 
-@lru_cache(maxsize=100)
-def _shares(tidy: float) -> Floats:
-    said = read_shares()
-    return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
-
-
 @lru_cache(maxsize=64)
 def _weigh_pieces(room: Labels, tidy: float) -> Floats:
-    """Return the shares of people for each listed piece in a room of these labels."""
-    return np.asarray(_weigh_labels(room) @ _shares(tidy))
+    """Return the shares of people for each listed piece in a room of these labels.
 
-
-def _weigh_labels(room: Labels) -> Floats:
-    """Return P(the kinds of rooms that people were asked about), `[K]`; all alike if unknown."""
-    labels = read_shares().rooms
+    Of a room that is like none of those that people were asked about, the mean of all.
+    """
+    shares, table = read_shares(), read_table("kinds-v1.csv")
+    labels, alike = shares.rooms, dict(zip(table["kind"], table["furnished_like"], strict=True))
     weights = np.zeros(len(labels))
     for label, likely in room:
-        names = (label, known_label(label))
-        near = (one for name in names for one in (name, _FURNISHED_LIKE.get(name)))
-        alike = next((one for one in near if one in labels), None)
-        if alike is not None:
-            weights[labels.index(alike)] += likely
-    total = weights.sum()
-    return weights / total if total else np.full(len(labels), 1 / len(labels))
+        known = known_label(label)
+        near = (label, alike.get(label), known, alike.get(known))
+        asked = next((name for name in near if name in labels), None)
+        if asked is not None:
+            weights[labels.index(asked)] += likely
+    weights = weights / weights.sum() if weights.any() else np.full(len(labels), 1 / len(labels))
+    return np.asarray(weights @ (tidy * shares.belongs + (1 - tidy) * shares.untidy))
 
 
 @lru_cache(maxsize=1024)

@@ -8,7 +8,8 @@ Six tables of `bsg_robot/tables/` say it, written by hand but for the shares of 
                               how many hours half of them are elsewhere, and its groups
     groups-v1.csv             a group of things, its names, whether they are kept together, and
                               whether what is gone is used up
-    narrow-rooms-v1.csv       a kind of room that holds only what things-v1 names there
+    kinds-v1.csv              a kind of room, one that is furnished alike, and whether it holds only
+                              what things-v1 names there
     receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
                               it is opened, and whether it holds what keeping-v1 names alone
     receptacle-shares-v1.csv  share of people to whom things belong there, of all things together
@@ -29,16 +30,20 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import known_label
-from bsg_data.words.normal import LONGEST, drop_number, separate, take_apart
-from bsg_data.words.phrase import list_parts
-from bsg_data.words.plural import singulars
-from bsg_robot.tables.table import read_table
+from bsg_data.words.normal import (
+    LONGEST,
+    drop_number,
+    list_parts,
+    separate,
+    separate_names,
+    singulars,
+    take_apart,
+)
+from bsg_robot.tables.table import read_table, split_cell, split_weights
 
-_FILE, _NARROW, _PIECES = "things-v1.csv", "narrow-rooms-v1.csv", "receptacles-v1.csv"
+_FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
 _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
 _GROUPS = "groups-v1.csv"
-_HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight", "stays", "group")
-_SEPARATOR = "|"
 _OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
 
 
@@ -137,19 +142,25 @@ def classify_seen(word: str, class_map: ClassMap) -> Classified:
 
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
-    things = []
-    for row in read_table(_FILE, _HEADER):
-        name, said, wider, rooms, home, sight, stays, group = row
-        parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
-        weights = tuple([(room, float(weight) / 100) for room, _, weight in parts])
-        spellings = tuple(said.split(_SEPARATOR)) if said else ()
-        rates = (float(home) / 100, float(sight) / 100)
-        facts = (wider or None, weights, *rates, float(stays), tuple(group.split(_SEPARATOR)))
-        things.append(Thing(name, spellings, *facts))
-    names = [(one, thing) for thing in things for one in thing.names]
-    listed = {separate(name): thing for name, thing in names}
-    joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
-    return tuple(things), joined | listed
+    """Return the rows of the table, and each by its names, with and without their spaces."""
+    rows = zip(*read_table(_FILE).values(), strict=True)
+    things = tuple(
+        Thing(
+            name=name,
+            spellings=split_cell(spellings),
+            wider=wider or None,
+            rooms=split_weights(rooms, of=100.0),
+            home=float(home) / 100,
+            sight=float(sight) / 100,
+            stays=float(stays),
+            groups=split_cell(groups),
+        )
+        for name, spellings, wider, rooms, home, sight, stays, groups in rows
+    )
+    named = [(name, thing) for thing in things for name in (thing.name, *thing.spellings)]
+    names = separate_names([name for name, _ in named])
+    listed = {name: thing for name, (_, thing) in zip(names, named, strict=True)}
+    return things, {name.replace(" ", ""): thing for name, thing in listed.items()} | listed
 
 
 def find_group(word: str) -> str | None:
@@ -174,14 +185,14 @@ def uses_up(group: str) -> bool:
 
 @cache
 def _read_groups() -> tuple[Mapping[str, str], frozenset[str], frozenset[str]]:
-    rows = read_table(_GROUPS, ("group", "spellings", "together", "used up"))
-    names = {
-        separate(name): group
-        for group, spellings, _, _ in rows
-        for name in (group, *filter(None, spellings.split(_SEPARATOR)))
-    }
-    together = frozenset(group for group, _, one, _ in rows if one == "yes")
-    return names, together, frozenset(group for group, _, _, one in rows if one == "yes")
+    groups, spellings, *flags = read_table(_GROUPS).values()
+    rows = [*zip(groups, spellings, strict=True)]
+    names = {separate(name): group for group, cell in rows for name in (group, *split_cell(cell))}
+    together, used_up = (
+        frozenset(group for group, flag in zip(groups, column, strict=True) if flag == "yes")
+        for column in flags
+    )
+    return names, together, used_up
 
 
 def is_narrow(label: str) -> bool:
@@ -191,9 +202,10 @@ def is_narrow(label: str) -> bool:
 
 @cache
 def _read_narrow() -> frozenset[str]:
-    """Return the labels of rooms that hold only what the table of things names there."""
-    rows = read_table(_NARROW, ("room", "holds"))
-    return frozenset(room for room, _ in rows)
+    table = read_table("kinds-v1.csv")
+    return frozenset(
+        kind for kind, holds in zip(table["kind"], table["holds"], strict=True) if holds
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)  # each is one: answers look them up by the thousand
@@ -269,31 +281,30 @@ def find_keeping(word: str) -> Keeping | None:
 @cache
 def read_shares() -> Shares:
     """Return the shares of people."""
-    rows = read_table(_SHARES, ("room", "receptacle", "belongs", "untidy", "asked"))
-    said = {(room, piece): (float(a), float(b)) for room, piece, a, b, _ in rows}
-    rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
-    both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
-    return Shares(rooms, pieces, both[..., 0], both[..., 1])
+    table = read_table(_SHARES)  # all pieces of a room, then the next room
+    rooms, pieces = (tuple(dict.fromkeys(table[name])) for name in ("room", "receptacle"))
+    belongs, untidy = (
+        np.array(table[name], dtype=float).reshape(len(rooms), len(pieces))
+        for name in ("belongs", "untidy")
+    )
+    return Shares(rooms, pieces, belongs, untidy)
 
 
 @cache
 def _read_receptacles() -> Mapping[str, Receptacle]:
-    header = ("receptacle", "spellings", "like", "opened", "only", "source")
     number = {piece: index for index, piece in enumerate(read_shares().pieces)}
+    rows = zip(*read_table(_PIECES).values(), strict=True)
     found: dict[str, Receptacle] = {}
-    for name, spellings, like, opened, only, _ in read_table(_PIECES, header):
-        alike = tuple(number[one] for one in like.split(_SEPARATOR))
+    for name, spellings, like, opened, only, _ in rows:
+        alike = tuple([number[piece] for piece in split_cell(like)])
         piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
-        found |= dict.fromkeys(map(separate, (name, *spellings.split(_SEPARATOR))), piece)
+        found |= dict.fromkeys(separate_names([name, *split_cell(spellings)]), piece)
     return found
 
 
 @cache
 def _read_keeping() -> Mapping[str, Keeping]:
-    rows = read_table(_KEEPING, ("kind", "things", "receptacles"))
-    found: dict[str, Keeping] = {}
-    for _, things, where in rows:
-        parts = [part.partition(":") for part in filter(None, where.split(_SEPARATOR))]
-        kept = Keeping({piece: float(weight) for piece, _, weight in parts})
-        found |= dict.fromkeys(things.split(_SEPARATOR), kept)
+    table, found = read_table(_KEEPING), dict[str, Keeping]()
+    for things, pieces in zip(table["things"], table["receptacles"], strict=True):
+        found |= dict.fromkeys(split_cell(things), Keeping(dict(split_weights(pieces))))
     return found

@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 from bsg_data.scene.room_label import read_room
-from bsg_data.words.normal import LONGEST
-from bsg_data.words.plural import singulars
-from bsg_robot.tables.table import read_table
+from bsg_data.words.normal import LONGEST, singulars
+from bsg_robot.tables.table import read_table, split_cell, split_weights
 from bsg_robot.things.things import Thing, find_thing
 
 _FILE = "uses-v1.csv"
-_SEPARATOR = "|"
 _SHORTEST = 3  # letters of a word that names a room
 # Shares of a thing that are where a use or a room says, and where another thing is.
 _SAID, _BESIDE = 0.8, 0.5
@@ -88,9 +86,9 @@ def move_thing(thing: Thing, words: Iterable[str]) -> Thing:
 @cache
 def _read_uses() -> Mapping[str, Use | None]:
     found: dict[str, Use | None] = {}
-    for words, rooms in read_table(_FILE, ("words", "rooms")):
-        parts = [one.partition(":") for one in filter(None, rooms.split(_SEPARATOR))]
-        total = math.fsum(float(weight) for _, _, weight in parts)
-        shares = tuple((room, float(weight) / total) for room, _, weight in parts)
-        found |= dict.fromkeys(words.split(_SEPARATOR), Use(shares, _SAID) if shares else None)
+    for words, rooms in zip(*read_table(_FILE).values(), strict=True):
+        weights = dict(split_weights(rooms))
+        total = math.fsum(weights.values())
+        shares = tuple((room, weight / total) for room, weight in weights.items())
+        found |= dict.fromkeys(split_cell(words), Use(shares, _SAID) if shares else None)
     return found

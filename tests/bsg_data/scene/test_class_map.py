@@ -42,12 +42,6 @@ def own_map(folder: Path, spellings: str, classes: str = "0,chair,A chair.\n") -
     return str(folder / "own.csv")
 
 
-def test_the_map_has_the_papers_classes_among_its_45() -> None:
-    classes = load_class_map().classes
-    assert len(classes) == 45
-    assert set(PAPER.split(",")) <= set(classes)
-
-
 def test_a_map_of_ones_own(tmp_path: Path) -> None:
     path = own_map(tmp_path, '"a ""big"", chair",chair,chair\nwall,wall,\n')
     class_map = load_class_map(path)
@@ -132,26 +126,26 @@ def test_a_typo_is_mended_if_what_it_may_be_is_one_class(tmp_path: Path) -> None
     [
         ("chair,chair,seat\n", "0,chair,A chair.\n"),  # no class
         ("chair,chair,chair\nchair,chair,\n", "0,chair,A chair.\n"),  # twice
-        ("chair,chair,chair\nCHAIR,chair,\n", "0,chair,A chair.\n"),  # once with another class
         ("chair,chair\n", "0,chair,A chair.\n"),
-        ("chair,chair,chair\n", "1,chair,A chair.\n"),
-        ("chair,chair,chair\n", "0,chair,A.\n1,chair,B.\n"),
+        ("chair,chair,chair\n", "0,chair,A.\n0,chair,B.\n"),
         ("chair,chair,chair\n", ""),
         ('"chair,chair,chair\n', "0,chair,A chair.\n"),
-        (f"chair,chair,{'x' * 90_000}\n", "0,chair,A.\n"),
-        (f"{'x' * 90_000},a,\n{'x' * 90_000},a,\n", "0,chair,A.\n"),
         (f"{'x' * 90_000},a,\n{'X' * 90_000},a,chair\n", "0,chair,A.\n"),
-        (f"{'x' * 90_000}\n", "0,chair,A.\n"),
         ("", f"0,{'x' * 90_000},\n{'9' * 90_000},b,\n"),
+        ("\udcff,chair,\n", "0,chair,A.\n"),  # no UTF-8
+        ("a" * (16 * 2**20), "0,chair,A.\n"),
     ],
-    ids=range(13),
+    ids=range(10),
 )
 def test_a_malformed_map_is_refused_in_few_words(
     tmp_path: Path, spellings: str, classes: str
 ) -> None:
-    with pytest.raises(ClassMapError) as caught:
-        load_class_map(own_map(tmp_path, spellings, classes))
-    assert len(str(caught.value).replace(str(tmp_path), "")) < 300
+    path = Path(own_map(tmp_path, "", classes))
+    path.write_bytes(f"{HEADER}{spellings}".encode("utf-8", "surrogateescape"))
+    for name in (str(path), "hm3d45-v0", str(tmp_path / "none.csv")):
+        with pytest.raises(ClassMapError) as caught:
+            load_class_map(name)
+        assert len(str(caught.value).replace(str(tmp_path), "")) < 300
 
 
 def test_a_name_has_one_category_class_and_role(tmp_path: Path) -> None:
@@ -169,14 +163,6 @@ def test_a_name_has_one_category_class_and_role(tmp_path: Path) -> None:
         "zzqx": Classified(None, None, "unmapped"),
     }
     assert {name: class_map.classify(name) for name in expected} == expected
-
-
-def test_unknown_and_missing_maps_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "large.csv").write_bytes(b"a" * (16 * 2**20 + 1))
-    (tmp_path / "bytes.csv").write_bytes(b"raw_category,category,class\n\xff,a,\n")
-    for name in ("hm3d45-v0", *(str(tmp_path / f"{n}.csv") for n in ("none", "large", "bytes"))):
-        with pytest.raises(ClassMapError):
-            load_class_map(name)
 
 
 @given(st.binary(), st.none() | st.binary(), st.none() | st.binary())
@@ -202,6 +188,8 @@ def test_class_spaces() -> None:
     with pytest.raises(ClassMapError):
         load_class_space("hm3d46")
     classes = load_class_space().classes
+    assert len(classes) == 45
+    assert {*PAPER.split(",")} <= {*classes}
     found = find_wholes(("bath door", "wall", "basin faucet"), classes)
     assert found.tolist() == [classes.index("bathtub"), -1, classes.index("sink")]
 

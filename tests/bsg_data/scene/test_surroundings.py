@@ -49,6 +49,7 @@ def test_an_office_by_hand(office: Surroundings) -> None:
     assert not office.labels[0].any()
     assert office.building_kinds.tolist() == [BUILDING_KINDS.index("office")]
     assert office.sources.tolist() == [KNOWN_SOURCES.index("hm3d")]
+    assert BUILDING_KINDS == ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
 
 
 def test_what_is_not_known_is_legal() -> None:
@@ -57,10 +58,6 @@ def test_what_is_not_known_is_legal() -> None:
     ward = surround_rooms([None], ["ward"], building_kind="hospital")  # of no model's training
     assert ward.building_kinds.tolist() == ward.sources.tolist() == [UNKNOWN]
     assert ward.labels[1, LABELS.index("bedroom")] == 1
-
-
-def test_models_know_the_kinds_of_buildings_by_their_places() -> None:
-    assert BUILDING_KINDS == ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
 
 
 WORDS = """

@@ -13,7 +13,7 @@ from conftest import REPOSITORY
 
 from bsg_models import Predictor
 from bsg_models.belief.partial_graph import PartialGraph
-from bsg_robot import RoomKind, SeenBuilding, open_graph
+from bsg_robot import SeenBuilding, open_graph
 from bsg_robot.answers.kind_table import KindTable, read_kinds
 from bsg_robot.answers.kinds import infer_kinds
 from bsg_robot.graph.robot_json import parse_robot_graph
@@ -121,16 +121,11 @@ def test_the_naive_bayes_by_hand() -> None:
         assert found.rooms[0] == pytest.approx([one / (one + other), other / (one + other)])
 
 
-@pytest.mark.parametrize("label", ["kitchen", "bathroom", "closet", "cold storage", "linen room"])
-def test_a_certain_label_is_certain(label: str) -> None:
-    (first, *_) = see({label: []}).kinds(label)
-    assert first.name == label
-    assert first.probability >= 0.98
-
-
 def test_what_is_said_with_a_probability_leaves_the_rest_to_the_things() -> None:
     alone = of_room(kind={"kitchen": 0.6, "bedroom": 0.4}, visited=False, hidden_share=1)
     assert alone == pytest.approx({"kitchen": 0.6, "bedroom": 0.4}, abs=0.011)
+    certain = of_room(kind="cold storage", visited=False, hidden_share=1)
+    assert certain["cold storage"] >= 0.98
     maybe = of_room(kind={"kitchen": 0.6}, visited=False, hidden_share=1)
     assert maybe["kitchen"] == pytest.approx(0.6, abs=0.06)
     assert of_room("stove", "sink", kind={"kitchen": 0.6})["kitchen"] > 0.97
@@ -138,25 +133,13 @@ def test_what_is_said_with_a_probability_leaves_the_rest_to_the_things() -> None
     assert of_room("bed", "wardrobe", kind="kitchen")["kitchen"] > 0.15, "a label is obeyed longer"
 
 
-def test_a_name_that_agrees_with_nothing_seen_is_doubted() -> None:
-    wrong = {"kitchen": ["bed", "toilet", "shower", "bathtub", "wardrobe"], "more_rooms": 0}
-    seen = see(wrong)
-    (note,) = (note for note in seen.notes if "called" in note)
-    assert note.startswith("kitchen: called kitchen, but its things are those of: bathroom")
-    assert kinds_of(wrong, "kitchen")["bathroom"] > 0.2
-    right = see({"kitchen": ["stove", "sink", "bed"], "more_rooms": 0})
-    assert not any("called" in note for note in right.notes)
-    assert right.kinds("kitchen")[0].name == "kitchen"
-
-
 def test_rooms_without_names_are_read_by_their_things() -> None:
     seen = see(NO_NAMES)
     assert tuple(seen.kinds(room)[0].name for room in seen.rooms) == READ_AS
     assert all(seen.kinds(room)[0].probability > 0.5 for room in seen.rooms)
-    kinds = seen.kinds("R0")
-    assert all(isinstance(kind, RoomKind) for kind in kinds)
-    assert [k.probability for k in kinds] == sorted((k.probability for k in kinds), reverse=True)
-    assert 0.9 < sum(kind.probability for kind in kinds) <= 1.01
+    likely = [kind.probability for kind in seen.kinds("R0")]
+    assert likely == sorted(likely, reverse=True)
+    assert 0.9 < sum(likely) <= 1.01
 
 
 def test_the_order_of_rooms_and_things_does_not_matter() -> None:
@@ -207,13 +190,6 @@ def test_a_room_of_which_nothing_is_known_is_of_a_kind_that_is_missing() -> None
         return float(one)
 
     assert kitchen("bath", "bedroom") > 2 * kitchen("bath", "bedroom", "kitchen")
-
-
-def test_an_unread_label_says_nothing() -> None:
-    one, other = ({room: ["bed"], "R1": ["stove"], "R2": []} for room in ("zzqx", "R0"))
-    assert [*kinds_of(one, "zzqx").items()] == [*kinds_of(other, "R0").items()]
-    for room in ("R1", "R2"):
-        assert kinds_of(one, room) == kinds_of(other, room)
 
 
 def test_what_is_learned_of_a_room_changes_its_kind_at_once() -> None:

@@ -53,6 +53,7 @@ def test_a_graph_that_says_all_has_no_note(universal: Predictor) -> None:
         ({"room_type": "Kajüte 3b"}, (), {}, "'Kajüte 3b': kind of room unknown"),
         ({}, ("zzqx thing",), {}, "'zzqx thing'"),
         ({}, ("blue velvet sofa",), {}, "'blue velvet sofa' is "),
+        ({}, ("",), {}, "(no name): not among the 45 classes; the model does not read them"),
         ({}, (), {"source": "my robot"}, "'my robot'"),
         ({}, (), {"detector": ["sink", "flibber"]}, "flibber"),
     ],
@@ -83,67 +84,55 @@ def test_a_model_that_reads_no_room_types_says_so(monkeypatch: pytest.MonkeyPatc
     assert note == "room types: mixture does not read them"
 
 
-def test_python_gets_the_notes_of_what_came_later() -> None:
-    rooms = [{"id": "a", "hidden_share": 0.5}]
-    seen = open_graph({"scene_id": "home", "rooms": rooms, "more_rooms": 0})
-    assert seen.notes == ()
-    seen.saw("a", "coat rack")
-    kind, thing = seen.notes
-    assert "read by what was seen" in kind
-    assert "coat rack" in thing
+OFFICE = {
+    "R0": ["whiteboard", "projector", "conference table"],
+    "R1": ["desk", "office chair", "keyboard"],
+    "R2": ["photocopier", "printer", "paper shredder"],
+    "R3": ["server rack", "network switch"],
+    "R4": ["urinal", "hand dryer"],
+}
+SMALL = {"office": ["desk"], "meeting room": [], "building_kind": "office"}
+NO_NAMES = {"R0": ["stove", "fridge"], "R1": ["bed", "wardrobe"], "bath": ["toilet"], "R3": []}
+LACKING = (
+    "more rooms are expected, not found yet: a home has a kitchen, a bathroom and a bedroom; "
+    "say `more_rooms: 0` if the map is whole, or the `building_kind`"
+)
+DOUBTED = "called kitchen, but its things are those of: bathroom"
 
 
-def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
-    rooms = {"office": ["desk"], "meeting room": [], "building_kind": "office"}
-    (note,) = open_graph(rooms).notes[:1]
-    assert note.startswith("office, meeting room: taken as the whole building")
-    assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
-    assert not any(
-        "whole" in n for n in open_graph({"office": [], "meeting room": [], "lobby": []}).notes
-    )
+@pytest.mark.parametrize(
+    ("said", "note"),
+    [
+        (SMALL, "office, meeting room: taken as the whole building"),
+        ({"hall": [], "kitchen": []}, LACKING),
+        ({"kitchen": [], "bathroom": [], "hall": [], "office": []}, LACKING),
+        (OFFICE, "taken for a building of the kind office, by its rooms; say `building_"),
+        (NO_NAMES, "R0 as kitchen, R1 as bedroom: read by what was seen; say `room_type`"),
+        ({"kitchen": ["bed", "toilet", "shower"]}, DOUBTED),
+    ],
+)
+def test_what_a_map_is_taken_for_is_said(said: dict[str, Any], note: str) -> None:
+    assert sum(note in said for said in open_graph(said).notes) == 1
 
 
-def test_a_home_without_a_kitchen_a_bathroom_or_a_bedroom_is_not_whole_and_says_so() -> None:
-    def notes(*rooms: str, **facts: Any) -> list[str]:
-        seen = open_graph({room: [] for room in rooms} | facts)
-        return [note for note in seen.notes if "not found yet" in note]
-
-    (note,) = notes("hall", "kitchen")
-    assert "more rooms are expected, not found yet: a home has a kitchen" in note
-    assert "say `more_rooms: 0` if the map is whole, or the `building_kind`" in note
-    assert notes("hall", "kitchen", more_rooms=0) == []
-    assert notes("kitchen", "bathroom", "bedroom") == []
-    assert len(notes("kitchen", "bathroom", "hall", "office")) == 1
+WHOLE = {"kitchen": NO_NAMES["R0"], "bedroom": NO_NAMES["R1"], "bath": [], "R3": []}
 
 
-def test_a_building_that_is_no_home_by_its_things_is_a_note_unless_it_is_said() -> None:
-    office = {
-        "R0": ["whiteboard", "projector", "conference table"],
-        "R1": ["desk", "office chair", "keyboard"],
-        "R2": ["photocopier", "printer", "paper shredder"],
-        "R3": ["server rack", "network switch"],
-        "R4": ["urinal", "hand dryer"],
-    }
-    (note,) = (note for note in open_graph(office).notes if "building" in note)
-    assert note.startswith("taken for a building of the kind office, by its rooms; say `building_")
-    for said in ({**office, "building_kind": "office"}, {"kitchen": [], "bedroom": [], "bath": []}):
-        assert not any("taken for a building" in note for note in open_graph(said).notes)
-
-
-def test_kinds_that_were_read_by_things_are_one_note_a_map() -> None:
-    home = {"R0": ["stove", "fridge"], "R1": ["bed", "wardrobe"], "bath": ["toilet"], "R3": []}
-    (note,) = (note for note in open_graph(home).notes if "read by" in note)
-    assert note.startswith("R0 as kitchen, R1 as bedroom: read by what was seen; say `room_type`")
-    named = {"kitchen": home["R0"], "bedroom": home["R1"], "bath": [], "R3": []}
-    assert not any("read by" in note for note in open_graph(named).notes)
-
-
-def test_a_name_that_its_things_contradict_is_remarked() -> None:
-    wrong = ["bed", "toilet", "shower"]
-    (note,) = (note for note in open_graph({"kitchen": wrong}).notes if "called" in note)
-    assert note.startswith("kitchen: called kitchen, but its things are those of: bathroom")
-    for things in (["stove", "sink", "bed"], ["bed", "toilet"], ["sink", "lamp", "chair"], []):
-        assert not any("called" in note for note in open_graph({"kitchen": things}).notes)
+@pytest.mark.parametrize(
+    ("said", "note"),
+    [
+        ({"hall": [], "more_rooms": True}, "whole"),
+        ({"office": [], "meeting room": [], "lobby": []}, "whole"),
+        ({"hall": [], "kitchen": [], "more_rooms": 0}, "not found yet"),
+        ({"kitchen": [], "bathroom": [], "bedroom": []}, "not found yet"),
+        ({**OFFICE, "building_kind": "office"}, "taken for a building"),
+        (WHOLE, "taken for a building"),
+        (WHOLE, "read by"),
+        *(({"kitchen": things}, "called") for things in (["stove", "sink"], ["bed", "toilet"], [])),
+    ],
+)
+def test_and_nothing_where_it_is_plain(said: dict[str, Any], note: str) -> None:
+    assert not any(note in said for said in open_graph(said).notes)
 
 
 def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:
@@ -156,12 +145,7 @@ def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:
     seen.describe("zzqx", label="Dispensary")
     seen.describe("kitchens", room_type="bar")
     assert [room.room_type for room in seen.graph.rooms] == [*kinds[:2], "bar", "pharmacy"]
-    named = [note for note in seen.notes if "their names say" in note]
-    assert named == [
-        "patient room 1, nurse station, Dispensary: read as the kinds that their names say"
-    ]
-
-
-def test_an_object_without_a_name_is_called_so(universal: Predictor) -> None:
-    (note,) = notes_on(universal, {}, "", source="hm3d", detector=["sink"])
-    assert note == "(no name): not among the 45 classes; the model does not read them"
+    seen.saw("zzqx", "coat rack")
+    named = "patient room 1, nurse station, Dispensary: read as the kinds that their names say"
+    assert named in seen.notes
+    assert any("coat rack" in note for note in seen.notes), "what came later is told, too"

@@ -158,12 +158,6 @@ def test_a_look_for_a_whole_misses_its_parts_and_not_the_other_way_round(
         assert all(falls) if looked == whole else not any(falls), (looked, other)
 
 
-def test_what_is_lacking_is_in_the_rooms_of_which_nothing_is_known() -> None:
-    seen = see({"hall": [], "kitchen": ["stove"], "more_rooms": 3})
-    assert seen.where("toilet")[0].room == seen.where("pillow")[0].room == EXPLORE
-    assert seen.where("milk")[0].room == "kitchen"
-
-
 @pytest.mark.parametrize("by", MODELS)
 def test_a_searched_room_has_none_and_the_others_do_not_lose_it(by: str) -> None:
     for thing in ("mug", "towel", "keys", "lamp", "laptop"):

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.words.normal import LONGEST, drop_number
-from bsg_data.words.phrase import list_parts
+from bsg_data.words.normal import LONGEST, drop_number, list_parts
 
 
 @pytest.mark.parametrize(
