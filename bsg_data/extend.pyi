@@ -30,7 +30,7 @@ from .sources.source import (
     SourceRow,
 )
 from .terms import Terms
-from .testing import ExportContract, MaskContract, SourceContract
+from .testing import MaskContract, SourceContract
 
 __all__ = [
     "MASKS",
@@ -39,7 +39,6 @@ __all__ = [
     "Annotation",
     "Box",
     "EncodedScene",
-    "ExportContract",
     "ExportRow",
     "FoundScenes",
     "Layout",
