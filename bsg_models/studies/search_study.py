@@ -23,8 +23,7 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
-from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, search
-from bsg_models.search.team_simulator import search_together
+from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, search, search_together
 from bsg_models.studies.search_beliefs import ModelBeliefs, ask_run
 from bsg_models.studies.search_cases import sample_episodes, sample_starts
 from bsg_models.studies.search_request import ROUTING, StudyRecipe

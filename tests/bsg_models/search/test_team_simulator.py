@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_models.search.knowledge import find_ways
-from bsg_models.search.simulator import Answer, Episodes
-from bsg_models.search.team_simulator import search_together
+from bsg_models.search.simulator import Answer, Episodes, search_together
 
 
 def in_a_row(instances: list[int]) -> Episodes:
