@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.studies.savings import (
     Saving,
     WorldResult,
@@ -19,7 +20,7 @@ from bsg_models.studies.savings import (
     tabulate_savings,
 )
 from bsg_models.studies.search_request import StudyRecipe
-from bsg_models.studies.search_study import Study, _choose_planners
+from bsg_models.studies.search_study import Study
 
 Costs = tuple[Sequence[float], Sequence[float]]  # of `nearest`, and of `ratio`
 NAN = float("nan")
@@ -38,7 +39,7 @@ def by_hand(costs: Mapping[str, Costs]) -> pd.DataFrame:
 
 
 def result_of(costs: Mapping[str, Costs], **options: Any) -> WorldResult:
-    planners = _choose_planners(RECIPE, {}, remote=False)
+    planners = {name: PLANNERS[name] for name in RECIPE.all_planners}
     (one,) = summarise(Study(RECIPE, (), by_hand(costs), {}, planners), **options)
     return one
 
