@@ -32,7 +32,7 @@ from bsg_data.sources.source import (
     SourceRow,
 )
 from bsg_data.terms import Terms
-from bsg_data.testing import ExportContract, MaskContract, SourceContract
+from bsg_data.testing import MaskContract, SourceContract
 
 __all__ = [
     "MASKS",
@@ -41,7 +41,6 @@ __all__ = [
     "Annotation",
     "Box",
     "EncodedScene",
-    "ExportContract",
     "ExportRow",
     "FoundScenes",
     "Layout",

@@ -1,4 +1,4 @@
-"""Contract tests for your own sources, masks and exports.
+"""Contract tests for your own sources and masks.
 
 Subclass a contract, name a row of the registry, and run pytest (docs/extending.md). The rows of
 this project pass the same contracts.
@@ -23,24 +23,14 @@ from bsg_data.dataset.manifest import CARD, CROISSANT
 from bsg_data.dataset.scenes import make_tables
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
-from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import Layout, sample_masks
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
-from bsg_data.scene.class_space import load_class_space
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
-from bsg_data.scene.scene_graph import (
-    BUILDING,
-    Box,
-    Room,
-    SceneGraph,
-    SceneObject,
-    is_file_name,
-    is_scene_id,
-)
+from bsg_data.scene.scene_graph import is_scene_id
 from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.hm3d import HEADER, HM3DFolder
 
@@ -265,48 +255,3 @@ def _count_wrong(
         float(wrong[view.visited & rooms].sum()),
         float(wrong[~view.visited].sum()),
     )
-
-
-class ExportContract:
-    """Tests that every export must pass.
-
-    Attributes:
-        name: of its row, or of its entry point.
-    """
-
-    name: ClassVar[str]
-
-    def graphs(self) -> Iterator[SceneGraph]:
-        """Yield a building of rooms and objects with and without places, one without, and none."""
-        box = Box((0.0, 0.0, 0.0), (4.0, 3.0, 2.5))
-        outline = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0))
-        placed = Room(1, 0, "kitchen", (2.0, 1.5, 1.25), box, 0, 0.0, outline, "kitchen", 12.0)
-        index = load_class_space().class_index("stove")
-        stove = SceneObject(1, 4, 1, "Stove", "stove", index, "classified", None, (1, 1, 0.5), box)
-        things = stove, SceneObject(2, 7, BUILDING, "zzqx")
-        for number, rooms in enumerate(((placed, Room(2, 5)), (Room(1, 0),), ())):
-            yield SceneGraph(
-                scene_id=f"0000{number}-building",
-                source="table",
-                source_version=None,
-                source_split=None,
-                annotation_sha256="0" * 64,
-                rooms=rooms,
-                objects=() if number else things,
-                class_map=DEFAULT_CLASS_MAP,
-            )
-
-    def test_a_scene_has_the_same_files_again_by_names_and_counts_that_are_its_own(self) -> None:
-        """Name files that stay in their folder, and count what they hold, at most all there is."""
-        named: list[str] = []
-        for graph in self.graphs():
-            encoded, again = (
-                EXPORTS[self.name].encode(graph, load_class_space().classes) for _ in range(2)
-            )
-            assert encoded == again
-            assert 0 <= encoded.rooms <= len(graph.rooms)
-            assert 0 <= encoded.objects <= len(graph.objects)
-            assert encoded.files or not (encoded.rooms or encoded.objects)
-            named += encoded.files
-        assert all(is_file_name(name) for name in named)
-        assert len(set(named)) == len(named), "a file is of one scene"

@@ -1,4 +1,4 @@
-"""Test your own models, planners, metrics and formats: contracts to inherit from.
+"""Test your own models and metrics: contracts to inherit from.
 
 A subclass names a row of the registry, and pytest runs its tests (docs/extending.md). This
 project's own rows pass the same contracts.
@@ -7,7 +7,7 @@ project's own rows pass the same contracts.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -31,9 +31,6 @@ from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_model
 from bsg_models.runs.run_folder import BEST
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import Knowledge, Task, find_ways
-from bsg_models.search.planners import ask_planner
 from bsg_models.training.count_gradients import as_network
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, read_config, validate_config, write_toml
@@ -170,80 +167,6 @@ class ModelContract:
         config, path = find_config(self.name), tmp_path / "config.toml"
         path.write_text(write_toml(config), "utf-8")
         assert validate_config(read_config(path), source="TOML") == config
-
-
-class PlannerContract:
-    """The contract of every planner."""
-
-    name: ClassVar[str]  # of the planner's row in `PLANNERS`, or of its entry point
-
-    def moments(self) -> Iterator[Knowledge]:
-        """Yield what robots know in searches of random buildings of several sizes and tasks."""
-        tasks: tuple[Task, ...] = ("single", "all")
-        for seed, (nodes, artifacts) in enumerate([(3, 1), (7, 1), (7, 2)]):
-            for task in tasks:
-                yield _make_knowledge(seed, nodes=nodes, artifacts=artifacts, task=task)
-
-    def test_it_names_unexplored_rooms_that_can_be_reached(self) -> None:
-        """Check that it names one of `unexplored` in every search, as `ask_planner` requires."""
-        for known in self.moments():
-            assert len(ask_planner(PLANNERS[self.name], known)) == len(known.here)
-
-    def test_it_does_not_read_what_it_does_not_say(self) -> None:
-        """Check that its choice ignores the presence if it declares that it reads none."""
-        planner = PLANNERS[self.name]
-        if planner.reads != "none":
-            return
-        for known in self.moments():
-            nothing = np.zeros_like(known.presence)
-            blind = replace(known, presence=nothing, share=nothing)
-            np.testing.assert_array_equal(ask_planner(planner, blind), ask_planner(planner, known))
-
-    def test_a_search_goes_the_same_way_alone_and_among_others(self) -> None:
-        """Check that it names the same room for a search by itself."""
-        planner = PLANNERS[self.name]
-        for known in self.moments():
-            together = ask_planner(planner, known)
-            for row in range(len(together)):
-                alone = ask_planner(planner, known.take(np.array([row])))
-                assert alone[0] == together[row]
-
-    def test_what_it_is_given_stays_as_it_is(self) -> None:
-        """Check that it changes no array of what robots know."""
-        for known in self.moments():
-            before = [known.presence.copy(), known.unexplored.copy()]
-            ask_planner(PLANNERS[self.name], known)
-            for old, new in zip(before, (known.presence, known.unexplored), strict=True):
-                np.testing.assert_array_equal(new, old)
-
-
-def _make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Knowledge:
-    """Return what six robots know in buildings of N nodes, one room of which is out of reach.
-
-    A presence is 0 or 1, so that it can also serve as the truth.
-    """
-    rng = np.random.default_rng(seed)
-    searches, every = 6, np.arange(6)
-    edges = rng.uniform(1, 10, (searches, nodes, nodes))
-    edges = edges + edges.transpose(0, 2, 1)
-    edges[:, -1, :-1] = edges[:, :-1, -1] = np.inf
-    here = rng.integers(0, nodes - 1, searches)
-    unexplored = rng.random((searches, nodes)) < 0.6
-    unexplored[every, rng.integers(1, nodes - 1, searches)] = True
-    unexplored[:, [0, -1]] = False
-    here[unexplored[every, here]] = 0
-    presence = (rng.random((searches, nodes, artifacts)) < 0.5) * unexplored[:, :, None]
-    presence[every, unexplored.argmax(axis=1)] = 1
-    return Knowledge(
-        task=task,
-        here=here,
-        ways=find_ways(edges).costs,
-        rows=every,
-        unexplored=unexplored,
-        wanted=np.ones((searches, artifacts), dtype=bool),
-        presence=presence.astype(float),
-        share=presence / 2,
-    )
 
 
 class MetricContract:

@@ -182,9 +182,9 @@ def main(
     if as_json:
         print_json(report.summary)
         return
-    number = len(report.sought)
-    sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
-    print_text(f"artifacts: {sought}; model: {report.model or 'none'}")
+    names = report.summary["recipe"]["artifacts"]
+    sought = f"any of {len(names)} classes" if len(names) > 12 else ", ".join(names)
+    print_text(f"artifacts: {sought}; model: {report.summary['model'] or 'none'}")
     for table in tabulate_savings(report.results):
         print_text(f"\n{table.caption}\n{format_text(table.rows, header=table.header)}")
     print_text(f"\nall results: {report.report}; files:")

@@ -54,7 +54,7 @@ HOUSE = (
     "bsg_robot.things",
     "bsg_robot.graph",
     "bsg_robot.answers",
-    "bsg_robot.service bsg_robot.ros bsg_robot.testing",
+    "bsg_robot.service bsg_robot.ros",
     "bsg_cli",
 )
 FLOOR = {room: floor for floor, rooms in enumerate(HOUSE) for room in rooms.split()}

@@ -2,7 +2,7 @@
 (() => {
   "use strict";
   const { make } = Elements;
-  const { views, left_out: leftOut } = JSON.parse(document.getElementById("beliefs").textContent);
+  const { views } = JSON.parse(document.getElementById("beliefs").textContent);
   const titles = Link.distinct(views.map((view) => view.title));
   const root = document.querySelector(".bsg"), pick = (name) => document.getElementById(name);
   const svg = root.querySelector("svg.graph"), main = root.querySelector("main"), side = root.querySelector("aside");
@@ -29,8 +29,8 @@
   }
   function showControls() {
     pick("view").value = look.view;
-    pick("left-out").textContent = [leftOut, views[look.view].left_out].filter(Boolean).join(" ");
-    pick("left-out").hidden = !pick("left-out").textContent;
+    pick("left-out").textContent = views[look.view].left_out;
+    pick("left-out").hidden = !views[look.view].left_out;
     pick("class").value = look.sought;
     pick("threshold").value = Math.round(100 * look.threshold);
     pick("shown").textContent = pick("threshold").value + " %";

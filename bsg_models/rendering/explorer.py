@@ -35,8 +35,6 @@ from bsg_models.rendering.plan import (
 
 MOST_ROOMS = 200  # of a building
 MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes
-PAGE_ROOMS = 2_500  # of all buildings of a page, which keeps it below 8 MB
-PAGE_DOTS = 50_000  # objects and blind nodes of all buildings of a page
 _LIKELIEST = 3  # rooms shown for every class
 _FIRST = 10  # rooms of an answer's way and ranking that are shown in any case
 _EXPLORE = "explore"  # instead of a room: those not found yet
@@ -67,24 +65,10 @@ def write_explorer(views: Sequence[ShownBelief], path: AnyPath) -> None:
 def explorer_page(views: Sequence[ShownBelief]) -> str:
     """Return the explorer page of some views; the first is open.
 
-    The page says at its top what it leaves out: parts of large buildings, and buildings beyond the
-    limit of a page.
+    Of a large building, the page says what it leaves out.
     """
-    counts = [
-        (
-            min(len(belief.partial.rooms), MOST_ROOMS),
-            min(len(belief.partial.objects), MOST_OBJECTS),
-            min(len(belief.blind), MOST_OBJECTS),
-        )
-        for belief in (view.belief for view in views)
-    ]
-    rooms, *dots = np.cumsum(np.reshape(counts, (-1, 3)), axis=0).T
-    shown = max(int(((rooms <= PAGE_ROOMS) & (sum(dots) <= PAGE_DOTS)).sum()), 1)
-    said = ""
-    if shown < len(views):
-        said = f"This page shows the first {shown:,} of {len(views):,} buildings. {_ALL_OF_IT}"
-    encoded = [_encode(view) for view in views[:shown]]
-    return render_page("explorer.html.jinja", data={"views": encoded, "left_out": said})
+    data = {"views": [_encode(view) for view in views]}
+    return render_page("explorer.html.jinja", data=data)
 
 
 def _encode(view: ShownBelief) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.rendering.pages import render_page
@@ -94,13 +93,7 @@ class Replay:
 
 def replay_page(replay: Replay) -> str:
     """Return the page of a search, open at its start."""
-    return render_page("replay.html.jinja", replay=replay, data=_plain(asdict(replay)))
-
-
-def _plain(value: Any) -> Any:
-    """Return nested values for JSON: tuples become lists, unknown values null."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+    drawn = {name: getattr(replay, name) for name in ("doors", "holds", "unit")}
+    walks = [{"stops": [asdict(stop) for stop in walk.stops]} for walk in replay.walks]
+    data = {**drawn, "plan": asdict(replay.plan), "walks": walks}
+    return render_page("replay.html.jinja", replay=replay, data=data)

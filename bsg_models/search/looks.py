@@ -25,7 +25,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import lru_cache
+from typing import TypeVar
 
+from bsg_data.arrays import Floats
+
+_Share = TypeVar("_Share", float, Floats)
 USUAL_WAY = 4.2  # metres between rooms that connect: the mean of 688 in 50 layouts of HM3D
 USUAL_AREA = 12.0  # square metres of a room of unknown size: the median of 712 in these layouts
 ROOM, PIECE = 0.12, 0.16  # h of looks into a room, and at a piece of furniture
@@ -63,6 +67,11 @@ def miss_all(chances: Iterable[float], *, overlooked: float = ROOM) -> float:
     if surest >= seen:
         return 1 - surest
     return overlooked + seen * math.prod(1 - chance / seen for chance in some)
+
+
+def doubt(presence: _Share, missed: _Share) -> _Share:
+    """Return P(it is there), by Bayes' rule, once looks missed what they miss with P(`missed`)."""
+    return presence * missed / (1 - presence + presence * missed)
 
 
 def overlooked_at(piece: str | None) -> float:

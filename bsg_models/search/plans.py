@@ -328,7 +328,6 @@ def _plan_locally(problem: SearchProblem, *, chances: int) -> Ints:
     path = plans.begin()
     for look in turns:
         path = put(path, look, plans.find_place(path, look))
-        plans.settle(path, look)
     costs = plans.expect_path(path)
     if effort.improved is not None:
         best = _best_of(costs, searches, number=effort.improved)
@@ -388,7 +387,6 @@ def _improve(plans: Plans, path: Ints, cost: Floats, effort: _Effort) -> None:
                     moved, other = moved[better], other[:, better]
                     now[moved] = then[better]
                 some[:, moved] = other
-                plans.settle(some, look)
         now = plans.expect_path(some)
         better = now < cost[going] * (1 - least)
         plans, going, some, now = plans.take(better), going[better], some[:, better], now[better]

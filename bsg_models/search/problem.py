@@ -119,12 +119,10 @@ class Plans:
     legs: Floats  # `[S, W, W]`
     finds: Floats  # `[S · W, A]`, 0 at robots' places
     room: Ints | Floats | None  # `[S · W]`; those of robots are of no look
-    mates: Bools  # `[S · W]` whether another look is into its room
     problem: SearchProblem
     first: Ints  # `[B]` where the numbers of each plan's search begin, among all S · W
     every: Floats  # `[B, A]` Q(all)
     given: Floats  # `[B, A]` 1 / (1 − Q(all)); 0 if it is nowhere
-    kept: Floats  # `[B · W, A]` what each look leaves of Q, of its place in `settle`d paths
 
     @classmethod
     def of(cls, problem: SearchProblem, *, copies: int = 1) -> Plans:
@@ -141,8 +139,7 @@ class Plans:
         finds = finds.reshape(-1, things)
         first = np.arange(searches) * (looks + robots)
         none = np.zeros((searches, things))
-        mates = np.zeros(len(finds), dtype=bool) if room is None else share_rooms(room)
-        plans = cls(legs, finds, room, mates, problem, first, none, none, 1 - finds)
+        plans = cls(legs, finds, room, problem, first, none, none)
         order = np.tile(np.arange(looks)[:, None], searches)
         every = plans.left(order, whole=True)[-1]
         given = np.divide(1, 1 - every, out=np.zeros_like(every), where=every < 1)
@@ -150,14 +147,8 @@ class Plans:
 
     def take(self, some: Ints | Bools) -> Plans:
         """Return the cost of some of the plans."""
-        kept = self.kept.reshape(len(self.first), -1, self.kept.shape[1])[some]
-        return replace(
-            self,
-            first=self.first[some],
-            every=self.every[some],
-            given=self.given[some],
-            kept=kept.reshape(-1, self.kept.shape[1]),
-        )
+        first, every, given = self.first[some], self.every[some], self.given[some]
+        return replace(self, first=first, every=every, given=given)
 
     @property
     def robots(self) -> int:
@@ -172,15 +163,6 @@ class Plans:
     @cached_property
     def _each(self) -> Ints:
         return np.arange(len(self.first))
-
-    @cached_property
-    def _own(self) -> Ints:
-        """Where the numbers of each plan begin in `kept`, `[B]`."""
-        return np.asarray(self._each * self.legs.shape[1])
-
-    def _has_mates(self, look: Ints | int) -> bool:
-        """Return whether another look is into its room, in any plan."""
-        return self.room is not None and bool(self.mates.take(self.first + look).any())
 
     @property
     def search(self) -> Ints:
@@ -315,38 +297,20 @@ class Plans:
         """Return w before each place of orders `[m, B]`, without one more look, and after it."""
         order = order if self.problem.single else order[::-1]
         left = np.ones((len(order) + 1, *self.every.shape))
-        more = 1 - self.finds[self.first + look]
-        if self.room is not None and self.is_by_turns:
-            left[1:] = self._factors(order)
-            more = self._in_room(order, look)[2]
-        else:
-            left[1:] = self.kept.take(self._own + order, axis=0)
-            if self._has_mates(look):
-                same, there, more = self._in_room(order, look)
-                left[1:][same] = there[same]
+        left[1:] = self._factors(order)
+        more = 1 - self.finds[self.first + look] if self.room is None else self._leave(order, look)
         left = accumulate(np.multiply, left)
         parts = (left, left * more) if self.problem.single else ((left * more)[::-1], left[::-1])
         return self.goes_on(parts[0]), self.goes_on(parts[1])
 
-    def _in_room(self, order: Ints, look: Ints | int) -> tuple[Bools, Floats, Floats]:
-        """Return which looks `[m, B]` are into the room of one, what they leave, and what it does.
-
-        They leave `[m, B, A]` of Q; it would leave `[m + 1, B, A]`.
-        """
+    def _leave(self, order: Ints, look: Ints | int) -> Floats:
+        """Return what a look would leave of Q after those before each place, `[m + 1, B, A]`."""
         at, own = self.first + order, self.first + look
         same = self.room[at] == self.room[own]  # type: ignore[index]
         left = np.ones((len(order) + 1, *self.every.shape))
         np.multiply(same[..., None], -self.finds.take(at, axis=0), out=left[1:])
-        left = np.maximum(accumulate(np.add, left), 0.0)
-        part = np.divide(1.0, left, out=np.zeros_like(left), where=left > 0)
-        return same, left[1:] * part[:-1], np.maximum(left - self.finds[own], 0.0) * part
-
-    def settle(self, path: Ints, look: Ints | int) -> None:
-        """Note what looks into the room of one leave, in paths `[m, B]` that it was put into."""
-        if self._has_mates(look) and not self.is_by_turns:
-            order = path[1:] if self.problem.single else path[:0:-1]
-            same, there, _ = self._in_room(order, look)
-            self.kept[(self._own + order)[same]] = there[same]
+        left = accumulate(np.add, left)
+        return _divide(left - self.finds[own], left)
 
     def _estimate_places(self, path: Ints, look: Ints | int) -> Ints:
         """Return what `find_place` does, from Σ t p, with p = P(the search ends by a look at t).

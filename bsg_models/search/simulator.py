@@ -28,9 +28,10 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
-from bsg_models.search.looks import miss_all
+from bsg_models.search.looks import doubt, miss_all
 from bsg_models.search.planners import ask_planner
-from bsg_models.search.plans import plan_tours
+from bsg_models.search.plans import plan_search, plan_tours, split_plan
+from bsg_models.search.problem import LEAST, pose_search
 
 _Key = TypeVar("_Key", bound=Hashable)
 _AGAIN = 2  # further looks that are weighed
@@ -48,9 +49,12 @@ class Episodes:
     instances: Ints  # `[E, N, A]` number of instances per node: the truth
     look: Floats | None = None  # `[N]` cost of a look; None: to enter is to have looked
     chance: float = 1.0  # P(a look finds an instance that is there)
-    luck: Floats | None = (
-        None  # `[E, N, L]` of the first L looks in a room, 0 to 1; later ones find
-    )
+    luck: Floats | None = None  # `[E, N, L]` of the first L looks in a room, 0 to 1; None: L is 0
+
+    @property
+    def may_miss(self) -> int:
+        """Number L of the first looks in a room that may miss; later ones find all."""
+        return 0 if self.luck is None else self.luck.shape[2]
 
     def missed(self, looks: Ints) -> Floats:
         """Return P(an instance that is there is missed) by some looks."""
@@ -218,33 +222,30 @@ class _Run:
 
     def _find(self, rows: Ints, place: Ints) -> Ints:
         """Return the number of instances that looks find, `[M, A]`."""
-        episodes, there, number = self.episodes, self.left[rows, place], self.looks[rows, place]
-        if episodes.luck is None:
-            return np.where(number[:, None] > 0, 0, there)
-        most = episodes.luck.shape[2]
-        lucky = episodes.luck[rows, place, np.minimum(number, most - 1)][:, None]
+        episodes, found, number = self.episodes, self.left[rows, place], self.looks[rows, place]
+        some = np.flatnonzero(number < episodes.may_miss)
+        if episodes.luck is None or not len(some):
+            return found
+        number = number[some]
+        luck = episodes.luck[rows[some], place[some], number]
         chance = 1 - episodes.missed(number + 1) / episodes.missed(number)
-        found = binom.ppf(lucky, there, chance[:, None]).astype(np.int64)
-        return np.where(number[:, None] < most, found.clip(min=0), there)
+        found[some] = binom.ppf(luck[:, None], found[some], chance[:, None]).clip(min=0)
+        return found
 
     def _know(self, answer: Answer | None) -> Knowledge:
         """Return what the robot knows in its running searches."""
         rows, robot, episodes = self.rows, self.robot, self.episodes
-        looks, look = self.looks[rows], episodes.look
-        unexplored, again = episodes.rooms & (looks == 0), None
+        looks, look, again = self.looks[rows], episodes.look, None
+        unexplored = episodes.rooms & (looks <= episodes.may_miss)
+        if robot.planner.reads == "none":  # every room once before one again
+            fewest = looks.min(axis=1, where=unexplored, initial=looks.max(), keepdims=True)
+            unexplored = unexplored & (looks == fewest)
         presence, share = answer or (np.zeros((*looks.shape, episodes.artifacts.shape[1])),) * 2
-        if episodes.luck is not None:
-            # A look that finds all leaves nothing.
-            unexplored = episodes.rooms & (looks <= episodes.luck.shape[2])
-            if robot.planner.reads == "none":
-                fewest = looks.min(axis=1, where=unexplored, initial=looks.max(), keepdims=True)
-                unexplored = unexplored & (looks == fewest)
+        if episodes.may_miss:
             share = None if share is None else self._doubt(rows, share, part=1)
             presence, again = self._expect(rows, presence)
         if robot.planner.reads == "truth":
             presence = (self.left[rows] > 0).astype(float)
-            if episodes.luck is not None:
-                unexplored = episodes.rooms & presence.any(axis=2)
         open_ = unexplored[:, :, None]
         # For `all`, every class stays wanted: a robot does not know when it has found all of one
         wanted = (self.unfound[rows] > 0) | (robot.task == "all")
@@ -264,16 +265,75 @@ class _Run:
 
     def _expect(self, rows: Ints, presence: Floats) -> tuple[Floats, Floats]:
         """Return P(the next look finds one), and for those after it, from P(there is one)."""
-        there = self._doubt(rows, presence.clip(_LEAST), part=0)
+        present = self._doubt(rows, presence.clip(_LEAST), part=0)
         looks, missed = self.looks[rows, :, None], self.episodes.missed
-        now = there / missed(looks)
+        now = present / missed(looks)
         finds = [now * (missed(looks + n) - missed(looks + n + 1)) for n in range(1 + _AGAIN)]
         return finds[0], np.stack(finds[1:], axis=1)
 
     def _doubt(self, rows: Ints, now: Floats, *, part: int) -> Floats:
-        """Return presence or share in all rooms, `[M, N, A]`, by Bayes' rule after looks."""
+        """Return presence or share in all rooms after looks, `[M, N, A]`."""
         looks = self.looks[rows, :, None]
         before = np.where(looks == 0, now, self.before[part, rows])
         self.before[part, rows] = before
-        missed = self.episodes.missed(looks)
-        return np.asarray(before * missed / (1 - before + before * missed))
+        return doubt(before, self.episodes.missed(looks))
+
+
+def search_together(episodes: Episodes, starts: Ints, *, beliefs: Beliefs | None) -> Outcome:
+    """Run all searches by robots that share what they see; return the time that each took.
+
+    A robot looks into its room, and gets the next one, to which no other is on its way. A search
+    ends when one of them finds an instance. Looks miss nothing.
+
+    Args:
+        episodes: E searches of one building, in which looks cost something.
+        starts: `[E, K]` rooms of the robots.
+        beliefs: by which their plan is made; None: each goes to its nearest room.
+    """
+    ended = [_search_one(episodes, row, here.copy(), beliefs) for row, here in enumerate(starts)]
+    times, looks = zip(*ended, strict=True)
+    return Outcome(np.array(times), np.array(looks))
+
+
+def _search_one(
+    episodes: Episodes, row: int, place: Ints, beliefs: Beliefs | None
+) -> tuple[float, int]:
+    """Return the time and the looks of a search; `place` is where each robot is, or goes."""
+    travel = episodes.travel.costs[row]
+    legs = travel if episodes.look is None else travel + episodes.look
+    free, going = np.zeros(len(place)), np.zeros(len(place), dtype=bool)
+    looked = ~episodes.rooms
+    while True:
+        robot = int(free.argmin())
+        if going[robot]:
+            looked[place[robot]], going[robot] = True, False
+            if episodes.instances[row, place[robot]].any():
+                return float(free[robot]), int((looked & episodes.rooms).sum())
+        rooms = ~looked
+        rooms[place[going]] = False
+        nodes = np.flatnonzero(rooms)
+        if len(nodes) and beliefs is None:
+            nodes = nodes[[travel[place[robot], nodes].argmin()]]
+        elif len(nodes) and beliefs is not None:
+            presence, _ = beliefs(np.array([row]), (looked & episodes.rooms)[None], shares=False)
+            nodes = _plan_robot(legs, presence, nodes, place, free, robot=robot)
+        if not len(nodes):
+            free[robot] = np.inf  # it has nothing left to do
+            continue
+        free[robot] += legs[place[robot], nodes[0]]
+        place[robot], going[robot] = nodes[0], True
+
+
+def _plan_robot(
+    legs: Floats, presence: Floats, nodes: Ints, place: Ints, free: Floats, *, robot: int
+) -> Ints:
+    """Return the rooms of a robot, in order, of a plan for all that have something to do."""
+    team = np.flatnonzero(np.isfinite(free))
+    problem, _ = pose_search(
+        legs[np.ix_([*nodes, *place[team]], nodes)][None],
+        presence[None, :, nodes].clip(LEAST, 1),
+        single=True,
+        delay=(free - free[robot])[team][None],
+    )
+    looks = split_plan(plan_search(problem)[0], problem)[[*team].index(robot)]
+    return nodes[looks]

@@ -15,13 +15,14 @@ import numpy as np
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.scene.scene_graph import Room
 from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
 from bsg_models.rendering.replay import Replay, Visit, Walk
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Travel
 from bsg_models.search.room_graphs import MEASURED
 from bsg_models.search.simulator import Episodes, Robot, Step, search
-from bsg_models.studies.savings import WorldResult
+from bsg_models.studies.savings import Saving, WorldResult
 from bsg_models.studies.search_beliefs import ask_run
 from bsg_models.studies.search_cases import sample_episodes
 from bsg_models.studies.search_request import BASELINE, StudyRecipe
@@ -30,7 +31,7 @@ from bsg_models.zoo.model import one_thread
 
 MOST_HOLDING = 0.25  # share of the rooms, without the start
 LEAST_ENTERED = 4  # rooms, without the start
-_TOLD = 6  # classes named per room
+_NAMED_CLASSES = 6  # of a room
 _NAMED = "This search was named by its number, so it need not be typical."
 _UNEVENTFUL = (
     "This is the first search. None is eventful: artifacts are in many rooms, or a robot finds one "
@@ -65,61 +66,59 @@ def replay_search(
         model: name of the model of these runs.
         trace: number of the search in its building; `auto` for the first eventful one.
     """
-    recipe, task = study.recipe, study.recipe.tasks[0]
-    there = set(study.searches.world)
-    worlds = [one for one in recipe.worlds if one.name in there]
-    world = min(worlds, key=lambda one: one.kind not in MEASURED)
-    result = next(one for one in results if (one.world, one.task) == (world.name, task))
-    scene_id, episode, eventful = _choose_search(study, world.name, trace)
-    sampled = sample_episodes(data, scene_id, world, recipe)
-    one = _take_one(cast(Episodes, sampled), episode)
-    walks = []
-    for name, steps in _walk(study, one, episode, data, scene_id, runs[scene_id]).items():
-        saving, reads = result.savings[name], study.planners[name].reads == "belief"
-        stops = _list_visits(
-            steps,
-            start=int(one.starts[0]),
-            artifact=int(one.artifacts[0, 0]),
-            cells=data.cells(scene_id),
-            classes=data.manifest.class_space.classes,
-            reads=reads,
-        )
-        said = model if reads else None
-        walks.append(Walk(name, said, tuple(stops), saving.cost, saving.entered, saving.saved))
-    graph = next(one for one in data.read_graphs() if one.scene_id == scene_id)
-    rooms, measured = set(np.flatnonzero(one.rooms).tolist()), world.kind in MEASURED
-    holds = np.flatnonzero(one.rooms & one.instances[0].any(axis=1))
+    task, names = study.recipe.tasks[0], data.manifest.class_space.classes
+    searched = set(study.searches.world)
+    worlds = [world for world in study.recipe.worlds if world.name in searched]
+    world = min(worlds, key=lambda world: world.kind not in MEASURED)
+    scene_id, number, chosen = _choose_search(study, world.name, trace)
+    episodes = cast(Episodes, sample_episodes(data, scene_id, world, study.recipe))
+    episode = _take_one(episodes, number)
+    steps = _walk(study, episode, number, data, scene_id, runs[scene_id])
+    result = next(part for part in results if (part.world, part.task) == (world.name, task))
+    graph = next(graph for graph in data.read_graphs() if graph.scene_id == scene_id)
+    rooms, is_measured = set(np.flatnonzero(episode.rooms).tolist()), world.kind in MEASURED
     return Replay(
         scene_id=scene_id,
-        episode=episode,
-        artifacts=(data.manifest.class_space.classes[one.artifacts[0, 0]],),
+        episode=number,
+        artifacts=(names[episode.artifacts[0, 0]],),
         task=task,
         world=world.name,
-        unit="m" if measured else "",
-        plan=draw_plan(
-            [
-                KnownOutline(
-                    room.room_index,
-                    room.source_label or room.label or f"room {room.region_id}",
-                    outline_room(room, room.centroid),
-                    room.floor_index,
-                )
-                for room in graph.rooms
-                if room.room_index in rooms
-            ]
-        ),
+        unit="m" if is_measured else "",
+        plan=draw_plan([_outline(room) for room in graph.rooms if room.room_index in rooms]),
         doors=tuple(
             (edge.source, edge.target)
             for edge in graph.adjacency
-            if measured and {edge.source, edge.target} <= rooms
+            if is_measured and {edge.source, edge.target} <= rooms
         ),
-        holds=tuple(holds.tolist()),
+        holds=tuple(np.flatnonzero(episode.rooms & episode.instances[0].any(axis=1)).tolist()),
         left_out=len(graph.rooms) - len(rooms),
-        walks=tuple(walks),
+        walks=tuple(
+            _describe_walk(
+                planner,
+                list(_list_visits(steps[planner], episode, data.cells(scene_id), names)),
+                result.savings[planner],
+                model=model if study.planners[planner].reads == "belief" else None,
+            )
+            for planner in steps
+        ),
         searches=result.searches,
         buildings=result.buildings,
-        chosen=_NAMED if trace != "auto" else _EVENTFUL if eventful else _UNEVENTFUL,
+        chosen=chosen,
     )
+
+
+def _outline(room: Room) -> KnownOutline:
+    name = room.source_label or room.label or f"room {room.region_id}"
+    return KnownOutline(room.room_index, name, outline_room(room, room.centroid), room.floor_index)
+
+
+def _describe_walk(
+    planner: str, visits: Sequence[Visit], saving: Saving, *, model: str | None
+) -> Walk:
+    """Return a walk with the means over all searches; without a model it shows no belief."""
+    if model is None:
+        visits = [replace(visit, presence=None) for visit in visits]
+    return Walk(planner, model, tuple(visits), saving.cost, saving.entered, saving.saved)
 
 
 def _choose_planner(recipe: StudyRecipe) -> str:
@@ -128,19 +127,19 @@ def _choose_planner(recipe: StudyRecipe) -> str:
     return "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
 
 
-def _choose_search(study: Study, world: str, trace: int | Literal["auto"]) -> tuple[str, int, bool]:
-    """Return building and number of a search in a world, and whether it is eventful."""
+def _choose_search(study: Study, world: str, trace: int | Literal["auto"]) -> tuple[str, int, str]:
+    """Return building and number of a search in a world, and how it was chosen."""
     every, both = study.searches, (_choose_planner(study.recipe), BASELINE)
     every = every[(every.world == world) & (every.task == study.recipe.tasks[0])]
-    every = every[every.planner.isin(both)]
-    searches = every.groupby(["scene_id", "episode"], sort=False, as_index=False).agg(
+    if trace != "auto":
+        return str(every.scene_id.iloc[0]), trace, _NAMED
+    searches = every[every.planner.isin(both)]
+    searches = searches.groupby(["scene_id", "episode"], sort=False, as_index=False).agg(
         {"rooms_entered": "min", "chance": "first"}
     )
     eventful = (searches.chance <= MOST_HOLDING) & (searches.rooms_entered >= LEAST_ENTERED)
     first = searches.iloc[int(eventful.to_numpy().argmax())]  # of none, the first of all
-    if trace != "auto":
-        return str(searches.scene_id.iloc[0]), trace, False
-    return str(first.scene_id), int(first.episode), bool(eventful.any())
+    return str(first.scene_id), int(first.episode), _EVENTFUL if eventful.any() else _UNEVENTFUL
 
 
 def _take_one(episodes: Episodes, number: int) -> Episodes:
@@ -157,7 +156,7 @@ def _take_one(episodes: Episodes, number: int) -> Episodes:
 
 
 def _walk(
-    study: Study, one: Episodes, number: int, data: Dataset, scene_id: str, run: Path | None
+    study: Study, episode: Episodes, number: int, data: Dataset, scene_id: str, run: Path | None
 ) -> dict[str, list[Step]]:
     """Return the steps of the planner and of `nearest` in one search."""
     recipe = study.recipe
@@ -165,28 +164,19 @@ def _walk(
     robots = {name: Robot(study.planners[name], recipe.tasks[0]) for name in steps}
     draws = np.array([number % recipe.draws])
     with one_thread():
-        beliefs = None if run is None else ask_run(run, data, scene_id, recipe, one, draws)
-        search(one, robots, beliefs=beliefs, watch=lambda name, step: steps[name].append(step))
+        beliefs = None if run is None else ask_run(run, data, scene_id, recipe, episode, draws)
+        search(episode, robots, beliefs=beliefs, watch=lambda name, step: steps[name].append(step))
     return steps
 
 
 def _list_visits(
-    walk: Sequence[Step],
-    *,
-    start: int,
-    artifact: int,
-    cells: Counts,
-    classes: Sequence[str],
-    reads: bool,
+    walk: Sequence[Step], episode: Episodes, cells: Counts, classes: Sequence[str]
 ) -> Iterator[Visit]:
-    """Yield the start of a robot, then each room that it enters.
-
-    `walk` has the steps of one search. A planner that `reads` no belief shows none.
-    """
-    room, cost = start, 0.0
+    """Yield the start of a robot, then each room that it enters in a search."""
+    room, artifact, cost = int(episode.starts[0]), int(episode.artifacts[0, 0]), 0.0
     way: tuple[int, ...] = ()
     for step in (*walk, None):
-        given = step or (walk[-1] if walk else None)
+        known = step or (walk[-1] if walk else None)
         target = None if step is None else int(step.target[0])
         yield Visit(
             room=room,
@@ -194,7 +184,7 @@ def _list_visits(
             cost=round(cost, 3),
             seen=tuple(_list_seen(cells[room], artifact, classes)),
             found=(classes[artifact],) if cells[room, artifact] else (),
-            presence=_believe(given, room) if reads and given else None,
+            presence=None if known is None else _believe(known, room),
             target=target,
             leg=None if step is None else round(float(step.known.distance[0, target]), 3),
         )
@@ -213,9 +203,9 @@ def _way_of(step: Step) -> tuple[int, ...]:
 
 def _list_seen(counts: Counts, artifact: int, classes: Sequence[str]) -> list[tuple[str, int]]:
     """Return the content of a room: the artifact first, then the most frequent classes."""
-    there = np.flatnonzero(counts).tolist()
-    there.sort(key=lambda c: (c != artifact, -counts[c]))
-    return [(classes[c], int(counts[c])) for c in there[:_TOLD]]
+    seen = np.flatnonzero(counts).tolist()
+    seen.sort(key=lambda c: (c != artifact, -counts[c]))
+    return [(classes[c], int(counts[c])) for c in seen[:_NAMED_CLASSES]]
 
 
 def _believe(step: Step, room: int) -> tuple[float, ...]:

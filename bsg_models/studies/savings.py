@@ -8,14 +8,13 @@ buildings. Mean and median over single searches differ from it, because a few se
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -33,24 +32,19 @@ from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.studies.search_study import Study
 
 _TIE = 1e-9  # relative difference below which two costs are a tie
-SEARCHES = pa.schema(
-    [
-        pa.field(name, kind, nullable=False)
-        for name, kind in (
-            ("scene_id", pa.string()),
-            ("world", pa.string()),
-            ("task", pa.string()),
-            ("planner", pa.string()),
-            ("episode", pa.int32()),
-            ("artifacts", pa.list_(pa.string())),
-            ("start_room_index", pa.int32()),
-            ("draw", pa.int32()),
-            ("instances", pa.int32()),
-            ("cost", pa.float64()),
-            ("rooms_entered", pa.int32()),
-        )
-    ]
-)
+_COLUMNS = {  # of `searches.parquet`
+    "scene_id": pa.string(),
+    "world": pa.string(),
+    "task": pa.string(),
+    "planner": pa.string(),
+    "episode": pa.int32(),
+    "artifacts": pa.list_(pa.string()),
+    "start_room_index": pa.int32(),
+    "draw": pa.int32(),
+    "instances": pa.int32(),
+    "cost": pa.float64(),
+    "rooms_entered": pa.int32(),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,76 +121,64 @@ def _percent(value: Estimate) -> str:
 
 def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
     """Return the results of every world and task; too few resamples or buildings: no intervals."""
-    believing = {name for name, one in study.planners.items() if one.reads == "belief"}
-    results = []
-    for (world, _), searches in study.searches.groupby(["world", "task"], sort=False):
-        by_robot = {str(name): one for name, one in searches.groupby("planner", sort=False)}
-        base = by_robot[BASELINE]
-        sums = _Sums(base, resamples=resamples, seed=study.recipe.seed)
-        results.append(
-            WorldResult(
-                world=str(world),
-                task=base.task.iloc[0],
-                buildings=sums.buildings,
-                searches=len(base),
-                ranked_first=float(base.ranked_first.mean(skipna=False)),
-                chance=float(base.chance.mean()),
-                savings=_list_savings(sums, by_robot, believing),
-            )
-        )
-    return results
+    return [
+        _compare(study, searches, resamples=resamples)
+        for _, searches in study.searches.groupby(["world", "task"], sort=False)
+    ]
 
 
-class _Sums:
-    """Sums over all searches of a world and task, and over those of each resampled building."""
-
-    def __init__(self, searches: pd.DataFrame, *, resamples: int, seed: int) -> None:
-        self._of, scenes = pd.factorize(searches.scene_id)
-        self.buildings, self.searches = len(scenes), len(searches)
-        size = resamples if self.buildings >= LEAST_BUILDINGS else 0
-        weights = weigh_buildings(self.buildings, resamples=size, seed=seed)
-        self._weights = weights.T.astype(float, order="C")
-
-    def add(self, values: npt.ArrayLike) -> Floats:
-        """Return the sum of a column, then that of each resample, `[1 + resamples]`."""
-        return np.asarray(self._weights @ np.bincount(self._of, weights=np.asarray(values)))
-
-    def saving(self, ours: pd.DataFrame, base: pd.DataFrame) -> Floats:
-        """Return 1 − ratio of the total costs of two robots."""
-        return np.asarray(1 - _divide(self.add(ours.cost), self.add(base.cost)))
-
-    def estimate(self, values: Floats) -> Estimate:
-        """Return the first value, with the interval of the others."""
-        first = float(values[0])
-        return estimate_value(first, values[1:], nodes=self.searches, rule="percentile")
-
-
-def _list_savings(
-    sums: _Sums, by_planner: Mapping[str, pd.DataFrame], believing: Collection[str]
-) -> dict[str, Saving]:
-    """Return planner → saving; `believing` planners read a belief."""
+def _compare(study: Study, searches: pd.DataFrame, *, resamples: int) -> WorldResult:
+    """Return the results of one world and task."""
+    by_planner = {str(name): rows for name, rows in searches.groupby("planner", sort=False)}
     base = by_planner[BASELINE]
-    saved = {name: sums.saving(one, base) for name, one in by_planner.items()}
-    costs, unknown = base.cost.to_numpy(), np.array([np.nan])
-    savings = {}
-    for name, one in by_planner.items():
-        ours = one.cost.to_numpy()
-        off = ours - costs
-        each = 1 - np.divide(ours, costs, out=np.ones_like(costs), where=costs > 0)
-        routed = saved.get(ROUTING, unknown) if name in believing else unknown
-        savings[name] = Saving(
-            saved=sums.estimate(saved[name]),
-            beyond_routing=sums.estimate(saved[name] - routed),
-            of_oracle=sums.estimate(_divide(saved[name], saved.get("oracle", unknown))),
-            mean=float(each.mean()),
-            median=float(np.median(each)),
-            wins=int((off < -_TIE * costs).sum()),
-            ties=int((np.abs(off) <= _TIE * costs).sum()),
-            losses=int((off > _TIE * costs).sum()),
-            cost=float(one.cost.mean()),
-            entered=float(one.rooms_entered.mean()),
-        )
-    return savings
+    building, scenes = pd.factorize(base.scene_id)
+    size = resamples if len(scenes) >= LEAST_BUILDINGS else 0
+    weights = weigh_buildings(len(scenes), resamples=size, seed=study.recipe.seed)
+    weights = weights.T.astype(float, order="C")
+    sums = {  # of all searches, then of each resample
+        name: np.asarray(weights @ np.bincount(building, weights=rows.cost), dtype=float)
+        for name, rows in by_planner.items()
+    }
+    saved = {name: np.asarray(1 - _divide(cost, sums[BASELINE])) for name, cost in sums.items()}
+    return WorldResult(
+        world=str(base.world.iloc[0]),
+        task=base.task.iloc[0],
+        buildings=len(scenes),
+        searches=len(base),
+        ranked_first=float(base.ranked_first.mean(skipna=False)),
+        chance=float(base.chance.mean()),
+        savings={
+            name: _compare_planner(
+                rows, base, saved, reads_belief=study.planners[name].reads == "belief"
+            )
+            for name, rows in by_planner.items()
+        },
+    )
+
+
+def _compare_planner(
+    ours: pd.DataFrame, base: pd.DataFrame, saved: Mapping[str, Floats], *, reads_belief: bool
+) -> Saving:
+    """Return the result of a planner; `saved` has, for each, the value and those of resamples."""
+
+    def estimate(values: Floats) -> Estimate:
+        return estimate_value(float(values[0]), values[1:], nodes=len(base), rule="percentile")
+
+    own, unknown = saved[str(ours.planner.iloc[0])], np.array([np.nan])
+    costs, off = base.cost.to_numpy(), ours.cost.to_numpy() - base.cost.to_numpy()
+    each = 1 - np.divide(ours.cost, costs, out=np.ones_like(costs), where=costs > 0)
+    return Saving(
+        saved=estimate(own),
+        beyond_routing=estimate(own - (saved.get(ROUTING, unknown) if reads_belief else unknown)),
+        of_oracle=estimate(_divide(own, saved.get("oracle", unknown))),
+        mean=float(each.mean()),
+        median=float(np.median(each)),
+        wins=int((off < -_TIE * costs).sum()),
+        ties=int((np.abs(off) <= _TIE * costs).sum()),
+        losses=int((off > _TIE * costs).sum()),
+        cost=float(ours.cost.mean()),
+        entered=float(ours.rooms_entered.mean()),
+    )
 
 
 def _divide(a: Floats, b: Floats) -> Floats:
@@ -213,8 +195,9 @@ def saving_of_buildings(searches: pd.DataFrame) -> pd.DataFrame:
 
 def write_searches(study: Study, path: Path) -> None:
     """Write every search of every planner."""
-    columns = study.searches[SEARCHES.names]
-    table = pa.Table.from_pandas(columns, schema=SEARCHES, preserve_index=False)
+    fields = [pa.field(name, kind, nullable=False) for name, kind in _COLUMNS.items()]
+    columns, schema = study.searches[[*_COLUMNS]], pa.schema(fields)
+    table = pa.Table.from_pandas(columns, schema=schema, preserve_index=False)
     pq.write_table(table.replace_schema_metadata(None), path, compression="zstd")
 
 

@@ -45,11 +45,8 @@ _FIGURE, _TRACE = "savings.png", "trace.html"
 class SearchReport(NamedTuple):
     """A search study and its files."""
 
-    study: Study  # all searches
     results: list[WorldResult]  # of every world and task
     summary: dict[str, Any]  # the study as JSON
-    model: str | None  # whose beliefs were used; None for none
-    sought: tuple[str, ...]  # names of the classes that were searched for
     report: Path  # file of the summary
     written: dict[str, Path]  # other content → file
     notes: tuple[str, ...]  # warnings that a reader of the results needs
@@ -74,54 +71,47 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     folder = request.folder
+    written = {"every search": folder / _TABLE, "tables as one page": folder / _PAGE}
     with write_results(folder, report=_REPORT, force=request.force) as staged:
         data = Dataset.open(request.dataset)
         chosen, notes = choose_buildings(request, data)
         study = study_search(request.dataset, chosen, request, executor=executor, progress=progress)
         results = summarise(study, resamples=request.resamples)
-        report = _describe(request, data, study, results)
+        facts = _list_facts(request)
+        summary = encode_study(
+            study, results, classes=data.manifest.class_space.classes, facts=facts
+        )
         with noting_failures(notes):
-            if _plot(report, staged / _FIGURE):
-                report.written["box plot over buildings"] = folder / _FIGURE
-        _write_page(report, staged)
+            if len(study.planners) > 1:  # others than `nearest`
+                _plot(study, staged / _FIGURE, model=facts["model"])
+                written["box plot over buildings"] = folder / _FIGURE
+        _write_page(results, staged, model=facts["model"])
         if request.trace is not None:
             replay = replay_search(
-                data, study, results, chosen, model=report.model, trace=request.trace
+                data, study, results, chosen, model=facts["model"], trace=request.trace
             )
             write_bytes(staged / _TRACE, replay_page(replay).encode())
             which = f"{replay.scene_id} in {replay.world}, {replay.task}, by"
             which = f"search {replay.episode} of {which} {replay.walks[0].planner}"
-            report.written[which] = folder / _TRACE
+            written[which] = folder / _TRACE
         write_searches(study, staged / _TABLE)
-        write_bytes(staged / _REPORT, (encode_json(report.summary, indent=1) + "\n").encode())
-    return report._replace(notes=(*notes, *_list_notes(request, study, results)))
+        write_bytes(staged / _REPORT, (encode_json(summary, indent=1) + "\n").encode())
+    notes += _list_notes(request, study, results)
+    return SearchReport(results, summary, folder / _REPORT, written, tuple(notes))
 
 
-def _describe(
-    request: SearchRequest, data: Dataset, study: Study, results: list[WorldResult]
-) -> SearchReport:
-    classes, folder = data.manifest.class_space.classes, request.folder
+def _list_facts(request: SearchRequest) -> dict[str, Any]:
+    """Return what the study does not know of its dataset and runs."""
     checkpoints = [checkpoint_of(run) for run in request.runs]
     names = dict.fromkeys(read_header(path).config.name for path in checkpoints)
-    model = ", ".join(names) or None
-    facts: dict[str, Any] = {
+    return {
         "dataset": str(request.dataset),
         "runs": [name_run(run) for run in request.runs],
         "checkpoints_sha256": [hash_file(path) for path in checkpoints],
-        "model": model,
+        "model": ", ".join(names) or None,
         "split": None if request.split == "all" else request.split,
         "resamples": request.resamples,
     }
-    return SearchReport(
-        study,
-        results,
-        summary=encode_study(study, results, classes=classes, facts=facts),
-        model=model,
-        sought=tuple(name for name in classes if name in (request.artifacts or classes)),
-        report=folder / _REPORT,
-        written={"every search": folder / _TABLE, "tables as one page": folder / _PAGE},
-        notes=(),
-    )
 
 
 def _list_notes(request: SearchRequest, study: Study, results: list[WorldResult]) -> Iterator[str]:
@@ -132,32 +122,28 @@ def _list_notes(request: SearchRequest, study: Study, results: list[WorldResult]
         yield f"intervals are over buildings, and need {LEAST_BUILDINGS} of them"
 
 
-def _plot(report: SearchReport, path: Path) -> bool:
-    """Plot what planners save; return False if there is no planner besides `nearest`."""
-    shown = [name for name in report.study.recipe.all_planners if name != BASELINE]
-    if not shown:
-        return False
+def _plot(study: Study, path: Path, *, model: str | None) -> None:
+    """Plot what planners save."""
     panels = {}
-    for (world, task), searches in report.study.searches.groupby(["world", "task"], sort=False):
+    for (world, task), searches in study.searches.groupby(["world", "task"], sort=False):
         saved = saving_of_buildings(searches)
         panels[f"{world}, {task}, {len(saved)} buildings"] = {
-            name: saved[name].to_numpy() for name in shown
+            name: saved[name].to_numpy() for name in study.planners if name != BASELINE
         }
-    of_model = f" with the beliefs of {report.model}" if report.model else ""
+    of_model = f" with the beliefs of {model}" if model else ""
     plot_savings(panels, path, title=f"Object search{of_model}", whole="oracle")
-    return True
 
 
-def _write_page(report: SearchReport, staged: Path) -> None:
+def _write_page(results: list[WorldResult], staged: Path, *, model: str | None) -> None:
     """Write the tables of every world and the box plot as one page."""
     figure = staged / _FIGURE
     write_report(
         staged / _PAGE,
-        title=f"Object search: {report.model or 'no model'}",
+        title=f"Object search: {model or 'no model'}",
         facts=[
             "What each planner saves of the cost of nearest, which goes to the nearest room, with "
             "95 % intervals over buildings. Wins are searches that cost less than with nearest."
         ],
-        tables=list(tabulate_savings(report.results)),
+        tables=list(tabulate_savings(results)),
         figures={"Saved, by building": figure} if figure.is_file() else {},
     )

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, model_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import require_class_space
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
-from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Seed
 from bsg_data.records import Record
 from bsg_data.registry import require_known
@@ -44,7 +43,6 @@ ROOM_SPECIFIC = (
     "bed",
     "nightstand",
 )
-_Chosen = dict[str, Path | None]  # building → run to ask
 
 
 class StudyRecipe(Record):
@@ -70,41 +68,23 @@ class StudyRecipe(Record):
     # that search together: `nearest` and `expected-cost`, `single`, start `anywhere`, chance 1
     robots: int = Field(default=1, ge=1, le=10)
 
-    @field_validator("chance", "start")
-    @classmethod
-    def _looks_cost(cls, value: object, info: ValidationInfo) -> object:
-        if value not in (1.0, "elsewhere") and info.data.get("look") == 0:
-            raise ValueError("it needs a `look` above 0")
-        return value
-
-    @field_validator("robots")
-    @classmethod
-    def _team_can_search(cls, robots: int, info: ValidationInfo) -> int:
-        said = info.data
-        is_team = (said.get("start"), said.get("chance")) == ("anywhere", 1.0)
-        is_team = is_team and said.get("tasks") == ("single",)
-        if robots > 1 and not (is_team and {*said.get("planners", ())} <= {*TEAM}):
+    @model_validator(mode="after")
+    def _can_search(self) -> StudyRecipe:
+        is_usual = (self.start, self.chance) == ("elsewhere", 1.0)
+        if self.look == 0 and not is_usual:
+            raise ValueError("a chance below 1 and the start `anywhere` need a `look` above 0")
+        is_team = (self.start, self.chance, self.tasks) == ("anywhere", 1.0, ("single",))
+        if self.robots > 1 and not (is_team and {*self.planners} <= {*TEAM}):
             raise ValueError(
                 f"several robots search by {' or '.join(TEAM)}, for `single`, from anywhere, with "
                 "a chance of 1"
             )
-        return robots
-
-    @field_validator("planners", "strategy")
-    @classmethod
-    def _names_exist(cls, names: tuple[str, ...] | str) -> object:
-        if isinstance(names, str):
-            MASKS.require([names])
-        else:
-            PLANNERS.require(names)
-        return names
+        return self
 
     @property
     def all_planners(self) -> tuple[str, ...]:
         """The named planners and their references: `nearest`, and `routing` for beliefs."""
-        believing = self.robots == 1 and any(
-            PLANNERS[name].reads == "belief" for name in self.planners
-        )
+        believing = self.robots == 1 and any(map(_reads_belief, self.planners))
         return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
 
     @property
@@ -127,6 +107,12 @@ class SearchRequest(StudyRecipe):
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
     out: Path | None = None  # None for `search` in the first run or, without runs, here
     force: bool = False  # replace existing results
+
+    @model_validator(mode="after")
+    def _can_replay(self) -> SearchRequest:
+        if isinstance(self.trace, int) and self.trace >= self.episodes:
+            raise ValueError(f"searches of a building are numbered 0 to {self.episodes - 1}")
+        return self
 
     @property
     def folder(self) -> Path:
@@ -163,25 +149,31 @@ class SearchRequest(StudyRecipe):
         Raises:
             RecipeError: if it names something unknown, or needs a run.
         """
-        data, named = Dataset.open(dataset), tuple(artifacts)
-        if named in (("every",), ("room-specific",)):
-            named = ROOM_SPECIFIC if named == ("room-specific",) else ()
+        data = Dataset.open(dataset)
+        sought: tuple[str, ...] | None = tuple(artifacts)
+        if sought in (("every",), ("room-specific",)):
+            sought = None if sought == ("every",) else ROOM_SPECIFIC
+        require_known("class", sought or (), data.manifest.class_space.classes)
         if planners is None:
-            planners = [n for n in PLANNERS if runs or PLANNERS[n].reads != "belief"]
-        PLANNERS.require(planners)
-        request = cls(
+            planners = [name for name in PLANNERS if runs or not _reads_belief(name)]
+        needing = [f"planner {name!r}" for name in planners if _reads_belief(name)]
+        needing += ["a replay"] * (options.get("trace") is not None)
+        if needing and not runs:
+            raise RecipeError(f"{needing[0]} needs a belief; name a --model")
+        return cls(
             dataset=dataset,
             runs=runs,
             worlds=_choose_worlds(worlds, data),
             planners=tuple(planners),
             tasks=("single", "all") if task == "both" else (task,),
-            artifacts=named or None,
+            artifacts=sought,
             strategy=mask,
             **options,
         )
-        _require_what_it_needs(request)
-        require_known("class", named, data.manifest.class_space.classes)
-        return request
+
+
+def _reads_belief(planner: str) -> bool:
+    return PLANNERS[planner].reads == "belief"
 
 
 def _choose_worlds(worlds: Sequence[str] | None, data: Dataset) -> tuple[WorldRecipe, ...]:
@@ -190,17 +182,6 @@ def _choose_worlds(worlds: Sequence[str] | None, data: Dataset) -> tuple[WorldRe
     known = data.connection_methods
     measured = (WorldRecipe(kind=kind) for kind in MEASURED if known & set(METHODS[kind]))
     return (*DEFAULT_WORLDS, *measured)
-
-
-def _require_what_it_needs(request: SearchRequest) -> None:
-    needing = [f"planner {n!r}" for n in request.planners if PLANNERS[n].reads == "belief"]
-    needing += ["a replay"] * (request.trace is not None)
-    if needing and not request.runs:
-        raise RecipeError(f"{needing[0]} needs a belief; name a --model")
-    if request.trace not in (None, "auto", *range(request.episodes)):
-        raise RecipeError(
-            f"no search {request.trace}: a building has {request.episodes}, numbered from 0"
-        )
 
 
 def choose_default_run(
@@ -215,50 +196,54 @@ def choose_default_run(
         DatasetError: if the dataset is damaged.
         CheckpointError: if the shipped model is damaged.
     """
-    why = ""
-    if planners is not None and all(PLANNERS[name].reads != "belief" for name in planners):
+    if planners is not None and not any(map(_reads_belief, planners)):
         why = "no planner reads one"
     elif split == "all":
         why = "--split all may include buildings of its training"
     elif DEFAULT_MODEL not in shipped_names():
         why = f"no model {DEFAULT_MODEL!r} is shipped with this build"
-    if why:
-        return (), f"without a belief: {why}"
-    run, data = locate_run(DEFAULT_MODEL), Dataset.open(dataset)
-    there, space = read_header(run).class_space, data.manifest.class_space
-    if there != space:
-        why = f"predicts classes of {there}, the dataset has those of {space}"
-    elif "fold-0" in data.splits:
-        why = "was not trained for these folds"
-    return ((), f"without a belief: the model {DEFAULT_MODEL!r} {why}") if why else ((run,), "")
+    else:
+        run, data = locate_run(DEFAULT_MODEL), Dataset.open(dataset)
+        known, space = read_header(run).class_space, data.manifest.class_space
+        if known != space:
+            why = f"the model {DEFAULT_MODEL!r} predicts classes of {known}, the dataset has "
+            why += f"those of {space}"
+        elif "fold-0" in data.splits:
+            why = f"the model {DEFAULT_MODEL!r} was not trained for these folds"
+        else:
+            return (run,), ""
+    return (), f"without a belief: {why}"
 
 
-def choose_buildings(request: SearchRequest, data: Dataset) -> tuple[_Chosen, list[str]]:
+def choose_buildings(
+    request: SearchRequest, data: Dataset
+) -> tuple[dict[str, Path | None], list[str]]:
     """Return building → run to ask, and notes about the choice.
 
     In a dataset of folds, each run answers about the fold that it was not trained on.
     """
     split, folds = request.split, "fold-0" in data.splits
-    chosen: _Chosen = {}
-    notes: list[str] = []
     if split == "all" and request.runs:
         raise RecipeError(
             "--split all would search buildings that the model was trained on; name a split"
         )
+    notes: list[str] = []
     if split == "all" or (folds and split == "test" and not request.runs):
         chosen = dict.fromkeys(data.scene_ids)
     elif request.runs:
         chosen = _choose_runs(data, request.runs, part=split)
-        notes = list(_list_notes(request, data, chosen))
+        notes = list(_list_notes(request, data, searched=len(chosen)))
     else:
         chosen = dict.fromkeys(scenes_of(data, split))
-    if request.scene is not None and request.scene not in chosen:
+    if request.scene is None:
+        return chosen, notes
+    if request.scene not in chosen:
         raise DatasetError(f"{data.path}: {request.scene!r} is not one of its {split} buildings")
-    return chosen if request.scene is None else {request.scene: chosen[request.scene]}, notes
+    return {request.scene: chosen[request.scene]}, notes
 
 
-def _choose_runs(data: Dataset, runs: Sequence[Path], *, part: Split) -> _Chosen:
-    chosen: _Chosen = {}
+def _choose_runs(data: Dataset, runs: Sequence[Path], *, part: Split) -> dict[str, Path | None]:
+    chosen: dict[str, Path | None] = {}
     for run in runs:
         header = read_header(checkpoint_of(run))
         require_class_space(data.manifest, header.class_space, what=f"checkpoint {run}")
@@ -274,21 +259,17 @@ def _choose_runs(data: Dataset, runs: Sequence[Path], *, part: Split) -> _Chosen
     return chosen
 
 
-def _list_notes(request: SearchRequest, data: Dataset, chosen: _Chosen) -> Iterator[str]:
+def _list_notes(request: SearchRequest, data: Dataset, *, searched: int) -> Iterator[str]:
     """Yield what a reader of the results must know of the runs and buildings."""
-    headers = {run: read_header(checkpoint_of(run)) for run in request.runs}
-    for run, header in headers.items():
-        if header.dataset_sha256 != data.sha256:
+    for run in request.runs:
+        if read_header(checkpoint_of(run)).dataset_sha256 != data.sha256:
             yield (
                 f"{name_run(run)}: was trained on another dataset or other pairs; it may have seen "
                 "these buildings"
             )
-    models = {header.config.name for header in headers.values()}
-    if len(models) > 1:
-        yield f"the runs are of different models: {', '.join(sorted(models))}"
     if request.split == "train":
         yield "the runs were trained on these buildings: expect smaller savings elsewhere"
-    searched, every = len(chosen), len(data.scene_ids)
+    every = len(data.scene_ids)
     is_part = request.scene is None and request.split == "test" and searched < every
     if is_part and "fold-0" in data.splits:
         yield f"{searched} of {every} buildings searched: give a --model for every fold"

@@ -11,20 +11,18 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
-from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, search
-from bsg_models.search.team_simulator import search_together
+from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, search, search_together
 from bsg_models.studies.search_beliefs import ModelBeliefs, ask_run
 from bsg_models.studies.search_cases import sample_episodes, sample_starts
 from bsg_models.studies.search_request import ROUTING, StudyRecipe
@@ -74,20 +72,23 @@ def study_search(
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
-        RecipeError: if a planner needs a belief and a building has no run; if an artifact is not a
-            class; or if your own planner has a taken name or cannot reach the executor.
+        RecipeError: if a planner needs a belief and a building has no run, or if an artifact is not
+            a class.
     """
-    own = dict(planners or {})
-    chosen = _choose_planners(recipe, own, remote=executor is not None)
+    own = planners or {}
+    extra = {ROUTING} if any(planner.reads == "belief" for planner in own.values()) else set()
+    chosen = {name: PLANNERS[name] for name in (*recipe.all_planners, *extra)} | dict(own)
     placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
     place = Path(dataset).absolute()  # a worker may run in another folder
     sha256 = Dataset.open(place).sha256  # all workers search the same buildings
-    tasks = [(place, sha256, run, scene, recipe, own) for scene, run in placed.items()]
+    tasks = [(place, sha256, run, scene, recipe, chosen) for scene, run in placed.items()]
     searches: list[pd.DataFrame] = []
     left_out: dict[str, Counter[str]] = {}
-    for found in run_all(_search_building, tasks, executor=executor, progress=progress):
-        searches += found.searches
-        for world, reason in found.left_out.items():
+    for of_building, lacking in run_all(
+        _search_building, tasks, executor=executor, progress=progress
+    ):
+        searches += of_building
+        for world, reason in lacking.items():
             left_out.setdefault(world, Counter())[reason] += 1
     if not searches:
         why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
@@ -96,51 +97,24 @@ def study_search(
     return Study(recipe, tuple(placed), joined, left_out, chosen)
 
 
-def _choose_planners(
-    recipe: StudyRecipe, own: Mapping[str, Planner], *, remote: bool
-) -> dict[str, Planner]:
-    """Return the planners of a study by name: those of its recipe, and the caller's own."""
-    for name in (*own, *recipe.all_planners):
-        if name in own and name in PLANNERS:
-            raise RecipeError(f"planner {name!r}: this name is taken; rename your planner")
-    for name, planner in own.items():
-        place = getattr(planner.choose, "__qualname__", "")
-        if remote and ("<locals>" in place or "<lambda>" in place):
-            raise RecipeError(
-                f"planner {name!r}: other processes cannot import {place}; define the function at "
-                "the top of a module, or search without an executor"
-            )
-    chosen = {name: PLANNERS[name] for name in recipe.all_planners} | dict(own)
-    if any(planner.reads == "belief" for planner in own.values()):
-        chosen.setdefault(ROUTING, PLANNERS[ROUTING])
-    return chosen
-
-
-class _Found(NamedTuple):
-    """What was found in one building."""
-
-    searches: list[pd.DataFrame]  # of each world
-    left_out: dict[str, str]  # world → why it has no search
-
-
 def _search_building(
     dataset: Path,
     sha256: str,
     run: Path | None,
     scene_id: str,
     recipe: StudyRecipe,
-    own: Mapping[str, Planner],
-) -> _Found:
-    """Search one building in every world with every planner."""
-    data, found = Dataset.open(dataset, sha256=sha256), _Found([], {})
-    planners = _choose_planners(recipe, own, remote=False)
+    planners: Mapping[str, Planner],
+) -> tuple[list[pd.DataFrame], dict[str, str]]:
+    """Return the searches of a building in every world, and world → why it has none."""
+    data = Dataset.open(dataset, sha256=sha256)
+    searches, left_out = list[pd.DataFrame](), dict[str, str]()
     draws = np.arange(recipe.episodes) % recipe.draws
     asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():
         for world in recipe.worlds:
             episodes = sample_episodes(data, scene_id, world, recipe)
             if isinstance(episodes, str):
-                found.left_out[world.name] = episodes
+                left_out[world.name] = episodes
                 continue
             key = episodes.rooms.tobytes()
             if run is not None and key not in asked:
@@ -149,7 +123,7 @@ def _search_building(
             ranked_first = _rank_first(episodes, beliefs)
             outcomes = _search_world(episodes, recipe, scene_id, planners, beliefs)
             table = _tabulate(episodes, outcomes, data.manifest.class_space.classes)
-            found.searches.append(
+            searches.append(
                 table.assign(
                     scene_id=scene_id,
                     world=world.name,
@@ -157,7 +131,7 @@ def _search_building(
                     ranked_first=ranked_first[table.episode],
                 )
             )
-    return found
+    return searches, left_out
 
 
 def _search_world(

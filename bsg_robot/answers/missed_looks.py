@@ -22,7 +22,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
-from bsg_models.search.looks import miss_all, overlooked_at
+from bsg_models.search.looks import doubt, miss_all, overlooked_at
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
@@ -114,7 +114,7 @@ def doubt_objects(
         still = stayed(obj)
         if missed < 1:
             before = still * (TRUSTED if obj.probability == 1 else obj.probability)
-            obj = replace(obj, score=before * missed / (1 - before + before * missed))
+            obj = replace(obj, score=doubt(before, missed))
         elif still < 1:
             obj = replace(obj, score=still * obj.probability)
         if obj.probability > 0:

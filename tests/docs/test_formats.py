@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
+from contracts import FormatContract
 from example_packages import EXAMPLES, installed, read_project
 from random_beliefs import make_belief
 from refusals import refuses
@@ -30,7 +31,6 @@ from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 from bsg_robot.graph.document import encode_belief, to_networkx
 from bsg_robot.graph.formats import FORMATS, choose_format, read_belief, write_beliefs
 from bsg_robot.graph.graph_file import open_graph_file
-from bsg_robot.testing import FormatContract
 
 FOLDER = EXAMPLES / "formats"
 OFFICE = REPOSITORY / "docs" / "office.json"

@@ -7,7 +7,6 @@ escaping had failed: the Content-Security-Policy of the page refuses it.
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -212,12 +211,3 @@ def test_the_policy_refuses_what_no_page_escaped(browser: Any, tmp_path: Path, k
         page.wait_for_timeout(100)
     assert [fault for fault in faults if "ran in" in fault or "asked for" in fault] == []
     assert len(refused) > 5
-
-
-def test_every_page_has_its_policy_before_anything_else(tmp_path: Path) -> None:
-    for text in pages(0, tmp_path).values():
-        assert text.index("Content-Security-Policy") < text.index("<title>") < text.index("<style>")
-        policy = text.partition("<title>")[0]
-        assert "unsafe" not in policy
-        # Scripts of a page cannot make markup from text.
-        assert "require-trusted-types-for 'script'; trusted-types 'none'" in html.unescape(policy)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from contracts import make_graphs
 from dsg_files import robot_graph, write_graph
 from refusals import refuses
 
@@ -13,8 +14,9 @@ from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from bsg_data.exports.export import export_dataset
+from bsg_data.scene.class_space import load_class_space
+from bsg_data.scene.scene_graph import is_file_name
 from bsg_data.sources.catalogue import open_source
-from bsg_data.testing import ExportContract
 
 ROW = "bsg_data.exports.habitat.ROW"
 
@@ -67,7 +69,15 @@ def test_nothing_is_left_of_an_export_that_fails(
     assert not (tmp_path / "out").exists()
 
 
-class TestExports(ExportContract):
-    @pytest.fixture(autouse=True, params=EXPORTS.names())
-    def _row(self, request: pytest.FixtureRequest) -> None:
-        self.name = request.param
+@pytest.mark.parametrize("name", EXPORTS.names())
+def test_a_scene_has_the_same_files_again_by_names_and_counts_that_are_its_own(name: str) -> None:
+    named: list[str] = []
+    for graph in make_graphs():
+        encoded, again = (EXPORTS[name].encode(graph, load_class_space().classes) for _ in "ab")
+        assert encoded == again
+        assert 0 <= encoded.rooms <= len(graph.rooms)
+        assert 0 <= encoded.objects <= len(graph.objects)
+        assert encoded.files or not (encoded.rooms or encoded.objects)
+        named += encoded.files
+    assert all(is_file_name(file) for file in named)
+    assert len(set(named)) == len(named), "a file is of one scene"

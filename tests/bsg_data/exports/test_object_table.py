@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from contracts import make_graphs
+
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.exports.export import export_dataset
 from bsg_data.exports.object_table import ROW
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.catalogue import open_source
-from bsg_data.testing import ExportContract
 
 
 def say(graph: SceneGraph) -> tuple[object, ...]:
@@ -29,7 +30,7 @@ def read_back(path: Path) -> list[tuple[object, ...]]:
 
 
 def test_a_placed_building_comes_back(tmp_path: Path) -> None:
-    graph = next(ExportContract().graphs())
+    graph = next(make_graphs())
     (data,) = ROW.encode(graph, ()).files.values()
     (tmp_path / "t.csv").write_bytes(data)
     assert read_back(tmp_path / "t.csv") == [say(graph)]

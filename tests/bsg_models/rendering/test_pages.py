@@ -11,7 +11,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_beliefs import HOSTILE, make_belief
@@ -38,6 +37,10 @@ def test_the_policy_has_the_hash_of_every_script_and_style_sheet_of_a_page() -> 
         (directive,) = re.findall(rf"{kind}-src ([^;]*)", policy)
         assert f"'sha256-{digest}'" in directive.split()
     assert not re.search(r"<[^>]* (on\w+|style)=", page), "an attribute that the policy refuses"
+    assert page.index("Content-Security-Policy") < page.index("<title>") < page.index("<style>")
+    assert "unsafe" not in policy
+    # Scripts of a page cannot make markup from text.
+    assert "require-trusted-types-for 'script'; trusted-types 'none'" in policy
 
 
 PNG = b"\x89PNG\r\n\x1a\n-- no real one"
@@ -66,8 +69,7 @@ class Reader(HTMLParser):
             self.texts.append((self.open[-1], data.strip()))
 
 
-@pytest.fixture
-def report(tmp_path: Path) -> Reader:
+def test_everything_is_there_as_text_and_in_order(tmp_path: Path) -> None:
     (tmp_path / "figure.png").write_bytes(PNG)
     write_report(
         tmp_path / "report.html",
@@ -84,28 +86,27 @@ def report(tmp_path: Path) -> Reader:
     reader = Reader()
     reader.feed((tmp_path / "report.html").read_text("utf-8"))
     assert reader.open == []
-    return reader
-
-
-def texts(report: Reader, tag: str) -> list[str]:
-    return [text for name, text in report.texts if name == tag]
-
-
-def test_everything_is_there_as_text_and_in_order(report: Reader) -> None:
-    assert texts(report, "title") == texts(report, "h1") == [f"Of {HOSTILE}"]
-    facts = texts(report, "p")
-    assert facts[:2] == ["4 buildings & more", HOSTILE]
-    assert facts[2].startswith("Orange: objects that the robot saw")
-    headings = ["In short", "beside doubling", "Look into a building", "Figures"]
-    assert texts(report, "h2") == headings
-    assert texts(report, "b") == ["better", "worse"]
-    assert texts(report, "li") == ["presence", HOSTILE]
-    assert texts(report, "th") == ["metric", HOSTILE, "metric"]
-    assert texts(report, "td") == ["nll ↓", "0.1 ±0.02", HOSTILE, "-", "brier"]
-    assert texts(report, "summary") == ["Every metric"]
-    tags = [tag for tag, _ in report.elements]
+    shown = {
+        tag: [text for name, text in reader.texts if name == tag]
+        for tag in ("title", "h1", "h2", "b", "li", "th", "td", "summary")
+    }
+    assert shown == {
+        "title": [f"Of {HOSTILE}"],
+        "h1": [f"Of {HOSTILE}"],
+        "h2": ["In short", "beside doubling", "Look into a building", "Figures"],
+        "b": ["better", "worse"],
+        "li": ["presence", HOSTILE],
+        "th": ["metric", HOSTILE, "metric"],
+        "td": ["nll ↓", "0.1 ±0.02", HOSTILE, "-", "brier"],
+        "summary": ["Every metric"],
+    }
+    assert [text for name, text in reader.texts if name == "p"][:2] == [
+        "4 buildings & more",
+        HOSTILE,
+    ]
+    tags = [tag for tag, _ in reader.elements]
     assert (tags.count("script"), tags.count("img")) == (1, 1), "the theme's, and the figure"
-    attributes = dict(report.elements)
+    attributes = dict(reader.elements)
     assert attributes["iframe"]["srcdoc"] == EXPLORER
     assert attributes["img"]["alt"] == f'"{HOSTILE}'
     source = str(attributes["img"]["src"])

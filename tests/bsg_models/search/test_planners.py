@@ -11,9 +11,8 @@ from refusals import refuses
 from bsg_data.arrays import Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, find_ways
+from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import next_room
-from bsg_models.search.simulator import Episodes, Robot, search
 
 ROW = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
 for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
@@ -95,22 +94,3 @@ def test_an_answer_that_is_no_unexplored_room_is_refused(answer: list[Any]) -> N
 
     with refuses(RecipeError, "planner-names-no-room", where="broken"):
         next_room(ROW, **HERE, planner=broken)
-
-
-def test_a_planner_that_stays_where_it_is_does_not_search_for_ever() -> None:
-    travel = find_ways(ROW[None])
-    episodes = Episodes(
-        travel=travel,
-        rooms=np.array([False, True, True, True, True, False]),
-        starts=np.array([1]),
-        artifacts=np.array([[7]]),
-        instances=np.eye(6, dtype=np.int64)[None, :, [4]],
-    )
-    stays, goes = (
-        {0: Robot(Planner(function, "none"), "single")}
-        for function in (lambda known: known.here, farthest)
-    )
-    with refuses(RecipeError, "planner-names-no-room"):
-        search(episodes, stays)
-    outcome = search(episodes, goes)[0]
-    assert (outcome.costs[0], outcome.entered[0]) == (7.0, 3)  # straight to 4, through 2 and 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import networkx
 import numpy as np
+import numpy.typing as npt
 import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
@@ -22,18 +23,13 @@ from bsg_models.search.room_graphs import (
 DRAWN = ("star", "complete", "tree")
 
 
-@pytest.mark.parametrize("text", ["star:1-10", "complete:5-10", "tree:0-0.5", "layout"])
-def test_a_name_is_read_back(text: str) -> None:
-    assert parse_world(text).name == text
+def test_a_name_is_read_back_and_other_texts_are_refused() -> None:
+    for text in ("star:1-10", "complete:5-10", "tree:0-0.5", "layout"):
+        assert parse_world(text).name == text
     assert [parse_world(world.kind) for world in DEFAULT_WORLDS] == list(DEFAULT_WORLDS)
-
-
-@pytest.mark.parametrize(
-    "text", ["", "ring", "star:", "star:10-1", "star:1", "layout:1-10", "star:0-0"]
-)
-def test_other_texts_are_refused(text: str) -> None:
-    with pytest.raises(RecipeError):
-        parse_world(text)
+    for text in ("", "ring", "star:", "star:10-1", "star:1", "layout:1-10", "star:0-0"):
+        with pytest.raises(RecipeError):
+            parse_world(text)
 
 
 @pytest.mark.parametrize("kind", DRAWN)
@@ -63,7 +59,7 @@ def test_trees_are_trees() -> None:
 def test_a_layout_in_two_parts_is_its_larger_part() -> None:
     connections = Connections(
         np.array([(1, 2), (3, 4), (4, 5), (2, 3), (5, 6)]),
-        np.array(["layout", "layout", "layout", "layout", "door"]),  # the last is of a mesh
+        np.array(["layout", "layout", "layout", "layout", "stairs"]),  # the last is of a mesh
         np.array([3.0, 1.0, 2.0, np.nan, 1.0]),  # one is of unknown length
     )
     graph = measure_rooms(connections, nodes=7, kind="layout")
@@ -76,17 +72,6 @@ def test_a_layout_in_two_parts_is_its_larger_part() -> None:
         assert not measure_rooms(nothing, nodes=nodes, kind="layout").rooms.any()
 
 
-@pytest.mark.parametrize("method", ["door", "stairs", "boxes"])
-def test_a_mesh_knows_doors_stairs_and_boxes_and_a_robot_no_lengths(method: str) -> None:
-    known = Connections(np.array([(1, 2)]), np.array([method]), np.array([2.5]))
-    graph = measure_rooms(known, nodes=3, kind="geometry")
-    assert graph.edges[1, 2] == graph.edges[2, 1] == 2.5
-    assert graph.rooms.tolist() == [False, True, True]
-    assert not measure_rooms(known, nodes=3, kind="layout").rooms.any()
-    given = Connections.of_pairs([(1, 2)])
-    assert not measure_rooms(given, nodes=3, kind="geometry").rooms.any()
-
-
 def test_the_first_wanted_room_on_the_way_by_hand() -> None:
     edges = np.full((1, 5, 5), np.inf)  # 1 – 2 – 3 – 4 in a row
     for a in (1, 2, 3):
@@ -97,35 +82,31 @@ def test_the_first_wanted_room_on_the_way_by_hand() -> None:
         assert travel.first_on_the_way(*way, there).tolist() == [found]
 
 
-@pytest.mark.parametrize("more", [0, 100])
-def test_costs_in_one_large_graph_are_scipys(more: int) -> None:
-    """Of a tree of 300 rooms with further edges, some of cost 0 and some of one direction."""
-    rng = np.random.default_rng(0)
-    edges, rooms = np.full((301, 301), np.inf), np.arange(2, 301)
-    joined = (rng.random(299) * (rooms - 1)).astype(int) + 1
-    edges[rooms, joined], edges[joined, rooms] = rng.integers(0, 9, (2, 299))
-    edges[tuple(rng.integers(1, 301, (2, more)))] = rng.integers(0, 9, more)
+def sample_edges(seed: int, nodes: int, share: float) -> npt.NDArray[np.float64]:
+    """Return a tree of rooms and further edges, some of cost 0 and some of one direction."""
+    rng = np.random.default_rng(seed)
+    edges, rooms = np.full((nodes, nodes), np.inf), np.arange(2, nodes)
+    joined = (rng.random(nodes - 2) * (rooms - 1)).astype(int) + 1
+    edges[rooms, joined], edges[joined, rooms] = rng.integers(0, 9, (2, nodes - 2))
+    more = rng.random(edges.shape) < share
+    edges[more] = rng.integers(0, 9, more.sum())
+    return edges
+
+
+@pytest.mark.parametrize(("nodes", "share"), [(300, 0.0), (300, 0.001), (60, 0.05), (60, 0.6)])
+def test_ways_are_scipys(nodes: int, share: float) -> None:
+    """The second nodes lead to the end at that cost."""
+    edges = sample_edges(0, nodes, share)
     source, target = np.nonzero(np.isfinite(edges))
     listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
-    np.testing.assert_allclose(find_costs(edges), shortest_path(listed))
-
-
-@pytest.mark.parametrize("share", [0.02, 0.1, 0.6])
-def test_ways_in_large_graphs_are_scipys(share: float) -> None:
-    """Of few edges and of many, some of cost 0; the second nodes lead to the end at that cost."""
-    rng = np.random.default_rng(0)
-    edges = rng.integers(0, 9, (2, 60, 60)).astype(float)
-    edges[rng.random(edges.shape) > share] = np.inf
-    travel = find_ways(edges)
-    for one, costs, steps in zip(edges, travel.costs, travel.steps, strict=True):
-        source, target = np.nonzero(np.isfinite(one))
-        listed = csr_array((one[source, target], (source, target)), shape=one.shape)
-        np.testing.assert_allclose(costs, shortest_path(listed))
-        for start, end in rng.integers(0, 60, (100, 2)):
-            place, cost, taken = int(start), 0.0, 0
-            while place != end and np.isfinite(costs[start, end]):
-                after = int(steps[place, end])
-                place, cost, taken = after, cost + one[place, after], taken + 1
-                assert taken <= 60
-            assert place == end or np.isinf(costs[start, end])
-            assert cost == (costs[start, end] if place == end else 0)
+    least = shortest_path(listed)
+    np.testing.assert_allclose(find_costs(edges), least)
+    travel = find_ways(edges[None])
+    np.testing.assert_allclose(travel.costs[0], least)
+    for start, end in np.random.default_rng(1).integers(1, nodes, (100, 2)).tolist():
+        place, cost, taken = start, 0.0, 0
+        while place != end:
+            after = int(travel.steps[0, place, end])
+            place, cost, taken = after, cost + edges[place, after], taken + 1
+            assert taken <= nodes
+        assert cost == least[start, end]

@@ -12,12 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_models.search.catalogue import PLANNERS, Planner
-from bsg_models.search.knowledge import Knowledge, Task, find_ways
+from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
 from bsg_models.search.looks import look_again
 from bsg_models.search.plans import plan_search
 from bsg_models.search.problem import pose_search
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
-from bsg_models.search.simulator import Answer, Beliefs, Episodes, Outcome, Robot, Step, search
+from bsg_models.search.simulator import (
+    Answer,
+    Beliefs,
+    Episodes,
+    Outcome,
+    Robot,
+    Step,
+    search,
+    search_together,
+)
 
 Floats = npt.NDArray[np.float64]
 SEARCHED = 50  # problems, of 400 searches each
@@ -159,6 +168,30 @@ def test_no_planner_knows_the_truth(name: str, task: Task) -> None:
         assert one == longest[: len(one)]
 
 
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("name", PLANNERS.names())
+def test_a_search_goes_the_same_way_alone_and_among_others(name: str, task: Task) -> None:
+    for kind in ("star", "tree"):
+        episodes = draw_episodes(2, rooms=7, kind=kind)
+        presence = np.random.default_rng(0).random(episodes.instances.shape)
+        together = run_one(episodes, name, task, beliefs=fix_beliefs(presence))
+        for row in range(6):
+            alone = take_one(episodes, row)
+            ended = run_one(alone, name, task, beliefs=fix_beliefs(presence[[row]]))
+            assert ended.costs[0] == together.costs[row]
+
+
+def take_one(episodes: Episodes, row: int) -> Episodes:
+    travel = Travel(episodes.travel.costs[[row]], episodes.travel.steps[[row]])
+    return replace(
+        episodes,
+        travel=travel,
+        starts=episodes.starts[[row]],
+        artifacts=episodes.artifacts[[row]],
+        instances=episodes.instances[[row]],
+    )
+
+
 # Looks that cost something, and may miss
 
 
@@ -255,3 +288,26 @@ def test_searches_cost_what_the_law_expects() -> None:
     assert np.mean(np.abs(off) < 3) > 0.98
     assert abs(np.mean(off)) < 3 / np.sqrt(len(off))
     assert np.std(off) == pytest.approx(1, abs=0.3)
+
+
+# Robots that share what they see
+
+
+@pytest.mark.parametrize(
+    ("instances", "starts", "presence", "time", "looks"),
+    [
+        # In 1 and 5 until 3 s; then in 2 and 4 until 8 s; the first goes on to 3.
+        ([0, 0, 1, 0, 0], [1, 5], None, 3 + 5 + 5, 5),
+        ([0, 0, 0, 0, 1], [1, 4], [0.01, 0.01, 0.01, 0.01, 0.9], 2 + 3, 2),
+        ([0, 1], [1, 1, 1], None, 2 + 3, 2),  # a robot that finds no room left waits
+    ],
+)
+def test_robots_share_the_rooms(
+    instances: list[int], starts: list[int], presence: list[float] | None, time: int, looks: int
+) -> None:
+    """In a row of rooms 2 m apart, in which a look costs 3."""
+    row = in_a_row([2.0] * (len(instances) - 1), instances, start=1)
+    row = replace(row, look=np.full(len(instances) + 1, 3.0))
+    beliefs = presence and fix_beliefs(np.array([0.0, *presence])[None, :, None])
+    ended = search_together(row, np.array([starts]), beliefs=beliefs or None)
+    assert (ended.costs[0], ended.entered[0]) == (time, looks)

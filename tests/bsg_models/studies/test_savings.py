@@ -11,15 +11,15 @@ import pandas as pd
 import pytest
 
 from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.studies.savings import (
-    Saving,
     WorldResult,
     saving_of_buildings,
     summarise,
     tabulate_savings,
 )
 from bsg_models.studies.search_request import StudyRecipe
-from bsg_models.studies.search_study import Study, _choose_planners
+from bsg_models.studies.search_study import Study
 
 Costs = tuple[Sequence[float], Sequence[float]]  # of `nearest`, and of `ratio`
 NAN = float("nan")
@@ -38,7 +38,7 @@ def by_hand(costs: Mapping[str, Costs]) -> pd.DataFrame:
 
 
 def result_of(costs: Mapping[str, Costs], **options: Any) -> WorldResult:
-    planners = _choose_planners(RECIPE, {}, remote=False)
+    planners = {name: PLANNERS[name] for name in RECIPE.all_planners}
     (one,) = summarise(Study(RECIPE, (), by_hand(costs), {}, planners), **options)
     return one
 
@@ -64,23 +64,10 @@ def test_savings_by_hand() -> None:
     assert list(saving_of_buildings(by_hand(costs)).ratio) == pytest.approx([0.2, -0.5])
 
 
-def estimate(value: float, low: float = NAN, high: float = NAN) -> Estimate:
-    return Estimate(value, low, high, nodes=200)
-
-
-def saving(*saved: float) -> Saving:
-    shares = (estimate(*saved), estimate(NAN), estimate(0.5))
-    return Saving(*shares, -1.5, 0.25, wins=150, ties=20, losses=30, cost=12.345, entered=3.21)
-
-
-def study(task: str, **changed: object) -> WorldResult:
-    savings = {"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)}
-    result = WorldResult("tree:1-10", task, 10, 200, 0.34, 0.12, savings)
-    return replace(result, **changed)
-
-
 def test_what_is_unknown_is_a_dash_or_left_out() -> None:
-    savings = {"nearest": saving(0), "ratio": saving(NAN)}
-    (table,) = tabulate_savings([study("single", ranked_first=NAN, savings=savings)])
+    one = result_of({"a": ([4.0], [2.0])})
+    unknown = replace(one.savings["ratio"], saved=Estimate(NAN, NAN, NAN, nodes=1))
+    savings = {"nearest": one.savings["nearest"], "ratio": unknown}
+    (table,) = tabulate_savings([replace(one, ranked_first=NAN, savings=savings)])
     assert "likeliest" not in table.caption
     assert [row[1] for row in table.rows] == ["0.0", "-"]

@@ -19,7 +19,7 @@ from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import encode_study, summarise, write_searches
 from bsg_models.studies.search_cases import _sample_searches
 from bsg_models.studies.search_request import StudyRecipe
-from bsg_models.studies.search_study import Study, _choose_planners, study_search
+from bsg_models.studies.search_study import Study, study_search
 
 POOL = np.ones(45, dtype=bool)
 BLIND = tuple(name for name in PLANNERS if PLANNERS[name].reads != "belief")
@@ -129,17 +129,3 @@ def test_a_planner_of_ones_own_meets_the_same_searches(dataset: Path) -> None:
         assert one.savings["contrary"].saved.value < 0
         assert np.isnan(one.savings["mine"].beyond_routing.value)  # it reads no belief
         assert one.savings["routing"].saved == two.savings["routing"].saved
-
-
-def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused() -> None:
-    recipe = StudyRecipe(planners=("routing",))
-    for name in ("nearest",):
-        with pytest.raises(RecipeError):
-            _choose_planners(recipe, {name: Planner(contrary)}, remote=False)
-    local = {"mine": Planner(lambda known: known.here, "none")}
-    assert "mine" in _choose_planners(recipe, local, remote=False)
-    with pytest.raises(RecipeError):
-        _choose_planners(recipe, local, remote=True)
-    assert "mine" in _choose_planners(recipe, {"mine": Planner(contrary)}, remote=True)
-    believing = _choose_planners(recipe, {"mine": Planner(contrary, "belief")}, remote=False)
-    assert list(believing) == ["nearest", "routing", "mine"]
