@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from bsg_data.errors import RecipeError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import find_value, label_value, list_added_values
 
@@ -55,8 +54,6 @@ def _judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
     the values differ.
     """
     less = find_value(name)[0].less
-    if less is None:
-        raise RecipeError(f"{name}: neither less nor more of it is better")
     gap = ours.difference(other, name)
     low, high = (gap.value, gap.value) if np.isnan(gap.low) else (gap.low, gap.high)
     if gap.value == 0 or not (low > 0 or high < 0):

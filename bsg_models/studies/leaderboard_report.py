@@ -21,7 +21,6 @@ from bsg_data.results import write_into
 from bsg_data.seal import SEAL, read_seal, refuse_other_results, write_seal
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value, list_added_values
-from bsg_models.evaluation.measurement import EVALUATOR_VERSION
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.rendering.pages import Table, write_report
@@ -117,7 +116,6 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
             for name, result in results.items()
         }
     return {
-        "evaluator_version": EVALUATOR_VERSION,
         "recipe": board.recipe.model_dump(mode="json", exclude=None if several else {"seeds"}),
         "dataset": {
             "sources": [one.model_dump(mode="json") for one in board.manifest.sources],

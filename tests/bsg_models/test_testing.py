@@ -18,7 +18,7 @@ from bsg_data.registry import Registry
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.catalogue import METRICS
-from bsg_models.evaluation.metric_kinds import NodeMetric
+from bsg_models.evaluation.metric import NodeMetric
 from bsg_models.evaluation.truth import Truth
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Knowledge

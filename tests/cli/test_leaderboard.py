@@ -32,7 +32,7 @@ def test_a_leaderboard_of_names_and_files(
     for name, one in report["masks"]["rooms"].items():
         assert f">{name}</td>" in short
         assert f">{one['metrics']['rooms/hidden_nll']['value']:.4g}" in short
-    assert "rooms/wasserstein_classes/kurtosis" in every
+    assert "rooms/wasserstein_values/kurtosis" in every
     assert short.count("data:image/png;base64,") == 1
     assert "--force replaces it" in run(*words, "--models", "doubled", code=1).stderr
     words = (*words, "--models", "doubled", "--masks", "rooms", "--force", "--seeds", "2")

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from bsg_data import registry
-from bsg_data.errors import RecipeError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import METRICS, find_value, list_values
+from bsg_models.evaluation.metric import NodeMetric
 from bsg_models.evaluation.verdict import HEADLINES, _judge, explain, judge_all, list_headlines
 
 NOISE = np.linspace(-1, 1, 41)
+SIGNED = NodeMetric(label="signed", less=None, about="", values=lambda truth, _: truth.inputs)
 LESS, MORE = "rooms/hidden_nll", "rooms/presence_auroc_macro/all"
 
 
@@ -56,11 +57,6 @@ def test_without_resamples_values_decide_and_twins_are_alike() -> None:
     assert _judge(one, twin, LESS) == "not distinguishable"
 
 
-def test_a_signed_error_has_no_verdict() -> None:
-    with pytest.raises(RecipeError, match="neither less nor more"):
-        _judge(measured(0.0), measured(1.0), "rooms/mean_error")
-
-
 def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
     unvisited = dict.fromkeys(
         (name.replace("/", "__") for name in HEADLINES["unvisited rooms"]), float("nan")
@@ -81,10 +77,9 @@ def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
 def test_a_metric_of_a_package_is_shown_and_judged_if_it_has_a_better_side(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    rows = "bsg_models.evaluation.metric_rows"
     points = [
-        EntryPoint(name, f"{rows}:{row}", METRICS.group)
-        for name, row in (("mine", "TOP1_UNSEEN"), ("signed", "MEAN_ERROR"))
+        EntryPoint("mine", "bsg_models.evaluation.metric_rows:TOP3_UNSEEN", METRICS.group),
+        EntryPoint("signed", f"{__name__}:SIGNED", METRICS.group),
     ]
     monkeypatch.setattr(registry, "entry_points", lambda group: points)
     registry._installed.cache_clear()
