@@ -242,7 +242,7 @@ def _read_mesh(folder: Path, data: bytes) -> object:
 
 
 def _read_predictions(folder: Path, data: bytes) -> object:
-    return read_predictions(put(folder, ".parquet", data), most_rows=10_000)
+    return read_predictions(put(folder, ".parquet", data))
 
 
 def _read_robot(folder: Path, data: bytes) -> object:

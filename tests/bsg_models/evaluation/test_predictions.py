@@ -39,7 +39,7 @@ def two_rooms() -> MaskedBuildings:
 
 def expect(path: Path, frame: pd.DataFrame) -> _PredictedExpectation:
     frame.to_parquet(path)
-    aligned = align(read_predictions(path, most_rows=6), [two_rooms()], CLASSES)
+    aligned = align(read_predictions(path), [two_rooms()], CLASSES)
     return aligned.expect(two_rooms())
 
 
@@ -98,12 +98,12 @@ def test_the_tail_of_a_table_is_geometric_and_keeps_the_mean() -> None:
 @pytest.mark.parametrize(
     ("change", "code", "row"),
     [
-        ({"scene_id": ["a", "b"]}, "prediction-node", 1),
-        ({"class": ["chair", "sofa"]}, "prediction-class", 1),
-        ({"draw": [0, 7]}, "prediction-node", 1),
-        ({"node_index": [1, 3]}, "prediction-node", 1),
-        ({"node_index": [-1, 1]}, "prediction-node", 0),
-        ({"class": ["bed", "bed"]}, "prediction-twice", 1),
+        ({"scene_id": ["a", "b"]}, "prediction-row", 1),
+        ({"class": ["chair", "sofa"]}, "prediction-row", 1),
+        ({"draw": [0, 7]}, "prediction-row", 1),
+        ({"node_index": [1, 3]}, "prediction-row", 1),
+        ({"node_index": [-1, 1]}, "prediction-row", 0),
+        ({"class": ["bed", "bed"]}, "prediction-row", 1),
         ({"node_index": [1, 2]}, "prediction-missing", None),
     ],
 )
