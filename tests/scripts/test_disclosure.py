@@ -17,6 +17,7 @@ from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
+from bsg_data.seal import SEAL
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig
@@ -28,6 +29,7 @@ def change(
     """Write a checkpoint again, with other fields and more tensors."""
     old = load_checkpoint(path)
     save_checkpoint(path, old.header.model_copy(update=header or {}), {**old.tensors, **tensors})
+    (path.parent / SEAL).unlink(missing_ok=True)
 
 
 def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:
