@@ -22,7 +22,6 @@ from bsg_data.places import refuse_datasets
 from bsg_data.results import was_stopped, write_files, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.masked_graph import list_withheld, mask_dataset
-from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import judge_all, list_headlines
@@ -195,13 +194,4 @@ def metric_rows(comparison: Comparison) -> list[list[str]]:
 
 
 def _cells(comparison: Comparison, name: str) -> Iterator[str]:
-    return (_cell(estimates[name]) for estimates in comparison.estimates.values())
-
-
-def _cell(estimate: Estimate) -> str:
-    """Return a value ± half the width of its 95 % interval."""
-    if np.isnan(estimate.value):
-        return "-"
-    value = f"{estimate.value:.3g}"
-    half = (estimate.high - estimate.low) / 2
-    return value if np.isnan(half) else f"{value} ±{half:.1g}"
+    return (estimates[name].show() for estimates in comparison.estimates.values())

@@ -15,9 +15,9 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
+from bsg_data.seal import SEAL
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_data.seal import SEAL
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig

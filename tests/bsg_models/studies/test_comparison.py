@@ -109,7 +109,7 @@ def test_what_a_comparison_leaves(dataset: Path, run: Path) -> None:
     assert {len(row) for row in rows} == {1 + len(models)}
     every = {row[0]: row[1:] for row in metric_rows(compared)}
     assert tuple(every) == list_values()
-    assert every["rooms/presence_brier/unvisited"][1:] == ["-"] * len(models)
+    assert every["rooms/presence_brier/unvisited"][1:] == ["–"] * len(models)
     assert every["rooms/hidden_nll"] == [str(nll.nodes), *rows[0][1:]]
 
 
