@@ -43,10 +43,10 @@ class Correlations:
 
     def _compare(self, node_sets: tuple[str, ...]) -> Floats:
         predicted, true = (
-            np.sum([self._products[part, side] for part in node_sets], axis=0) for side in _SIDES
+            correlate_sums(np.sum([self._products[part, side] for part in node_sets], axis=0))
+            for side in _SIDES
         )
-        pairs = zip(predicted, true, strict=True)
-        return np.array([np.linalg.norm(_correlate(p) - _correlate(t)) for p, t in pairs])
+        return np.asarray(np.linalg.norm(predicted - true, axis=(1, 2)))
 
 
 def _sum_products(weights: Weights, building: Ints, counts: Floats) -> Floats:
@@ -58,7 +58,3 @@ def _sum_products(weights: Weights, building: Ints, counts: Floats) -> Floats:
         own = rows[place == number]
         products[number] = own.T @ own
     return np.tensordot(weights[numbers].T.astype(float), products, axes=1)
-
-
-def _correlate(products: Floats) -> Floats:
-    return correlate_sums(float(products[0, 0]), products[0, 1:], products[1:, 1:])

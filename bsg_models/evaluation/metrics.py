@@ -73,23 +73,21 @@ def correlation_matrix(counts: Floats) -> Floats:
     A class without variance gets 0 with the others and 1 with itself.
     """
     # Covariance does not depend on the origin; near the mean it loses the fewest digits.
-    shifted = counts - counts.mean(axis=0, keepdims=True)
-    return correlate_sums(len(counts), shifted.sum(axis=0), shifted.T @ shifted)
+    rows = np.column_stack([np.ones(len(counts)), counts - counts.mean(axis=0)])
+    return correlate_sums((rows.T @ rows)[None])[0]
 
 
-def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
-    """Return the correlations `[C, C]` from the sum of weights, Σ x `[C]` and Σ x xᵀ `[C, C]`."""
-    mean = sums / max(number, 1.0)
-    second = np.diag(products) / max(number, 1.0)
-    covariance = products / max(number, 1.0) - np.outer(mean, mean)
-    variance = np.diag(covariance)
-    spread = variance > 1e-12 * np.maximum(second, 1.0)  # a constant class has rounding error only
+def correlate_sums(products: Floats) -> Floats:
+    """Return the correlations `[W, C, C]` from Σ z zᵀ `[W, 1 + C, 1 + C]`, z = (1, counts)."""
+    second = products[:, 1:, 1:] / np.maximum(products[:, :1, :1], 1.0)
+    mean = products[:, 0, 1:] / np.maximum(products[:, 0, :1], 1.0)
+    covariance = second - mean[:, :, None] * mean[:, None, :]
+    variance, square = (np.diagonal(of, axis1=1, axis2=2) for of in (covariance, second))
+    spread = variance > 1e-12 * np.maximum(square, 1.0)  # a constant class has rounding error only
     scale = np.where(spread, np.sqrt(np.where(spread, variance, 1.0)), 1.0)
-    correlation = covariance / np.outer(scale, scale)
-    correlation[~spread, :] = 0
-    correlation[:, ~spread] = 0
-    np.fill_diagonal(correlation, 1.0)
-    return np.asarray(correlation)
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    correlation = np.where(spread[:, :, None] & spread[:, None, :], correlation, 0.0)
+    return np.where(np.eye(correlation.shape[1], dtype=bool), 1.0, correlation)
 
 
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:

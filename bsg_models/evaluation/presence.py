@@ -23,7 +23,6 @@ import numpy as np
 from scipy import sparse
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_models.arrays import accumulate
 from bsg_models.evaluation.metric import RANKED, SELECTIONS, Value, Values, Weights, sum_weighted
 from bsg_models.evaluation.metrics import mean_known
 from bsg_models.evaluation.truth import Prediction
@@ -209,7 +208,7 @@ def _rank_bins(true: Floats, tied: Floats, false: Floats, ends: Ints) -> tuple[F
 def _run(rows: Floats, starts: Ints) -> tuple[Floats, Floats]:
     """Return running sums within groups of rows, in place, and the sum of each group."""
     totals = np.zeros((len(starts), rows.shape[1]))
-    running = accumulate(np.add, rows)
+    running = np.cumsum(rows, axis=0, out=rows)
     totals[starts > 0] = running[starts[starts > 0] - 1]
     running -= np.repeat(totals[:-1], np.diff(starts), axis=0)
     return running, np.diff(totals, axis=0)

@@ -30,6 +30,10 @@ def measured(value: float, *, noise: np.ndarray = NOISE, **others: float) -> Boo
     )
 
 
+def headlines(models: dict[str, Bootstrap]) -> list[str]:
+    return list_headlines(one.point for one in models.values())
+
+
 def test_a_verdict_is_that_of_the_paired_difference() -> None:
     """The intervals of both overlap by far, and yet one is better in every resample."""
     ours, other = measured(1.0), measured(1.1)
@@ -62,16 +66,20 @@ def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
         (name.replace("/", "__") for name in HEADLINES["unvisited rooms"]), float("nan")
     )
     both = {"ours": measured(1.0, **unvisited), "doubled": measured(1.5, **unvisited)}
-    assert not set(list_headlines(both)) & set(HEADLINES["unvisited rooms"])
+    assert not set(headlines(both)) & set(
+        HEADLINES["unvisited rooms"]
+    )
     (verdicts,) = judge_all(both, runs=["ours"]).values()
     assert set(verdicts) == {"better", "worse"}
     assert verdicts["better"][0] == "NLL, rooms"
     assert "AUROC macro" in verdicts["worse"]
-    assert sum(map(len, verdicts.values())) == len(list_headlines(both))
+    assert sum(map(len, verdicts.values())) == len(
+        headlines(both)
+    )
     lines = explain(both, runs=["ours"])
     assert lines[0].startswith("ours, compared with doubling what was seen")
     assert lines[1] == "  better: NLL, rooms"
-    assert len(lines) == 1 + len(list_headlines(both))
+    assert len(lines) == 1 + len(headlines(both))
 
 
 def test_a_metric_of_a_package_is_shown_and_judged_if_it_has_a_better_side(
@@ -85,7 +93,9 @@ def test_a_metric_of_a_package_is_shown_and_judged_if_it_has_a_better_side(
     registry._installed.cache_clear()
     try:
         both = {"ours": measured(2.0), "doubled": measured(1.5)}
-        assert {"rooms/mine", "rooms/signed"} <= set(list_headlines(both))
+        assert {"rooms/mine", "rooms/signed"} <= set(
+            headlines(both)
+        )
         (verdicts,) = judge_all(both, runs=["ours"]).values()
         assert verdicts["better"][-1] == find_value("rooms/mine")[0].label
         assert not any("signed" in label for some in verdicts.values() for label in some)
