@@ -21,8 +21,6 @@ from .runs.predictor import Predictor
 from .search.catalogue import Planner
 from .search.knowledge import Knowledge
 from .search.planners import next_room
-from .studies.comparison import Comparison
-from .studies.evaluation_report import metric_rows
 from .studies.leaderboard import Leaderboard, LeaderboardRecipe, make_leaderboard
 from .studies.search_request import StudyRecipe
 from .studies.search_study import study_search
@@ -36,7 +34,6 @@ __all__ = [
     "BeliefGraph",
     "BeliefModel",
     "CheckpointError",
-    "Comparison",
     "ConfigError",
     "CountDistribution",
     "DataConfig",
@@ -65,7 +62,6 @@ __all__ = [
     "load_checkpoint",
     "make_leaderboard",
     "mask_scene",
-    "metric_rows",
     "next_room",
     "read_split",
     "restore_model",

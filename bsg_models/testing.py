@@ -25,8 +25,8 @@ from bsg_data.testing import write_example_dataset
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
-from bsg_models.evaluation.measurement import Fold, tally_folds
-from bsg_models.evaluation.metric_kinds import Values, Weights
+from bsg_models.evaluation.measurement import Fold, Measured, measure_fold
+from bsg_models.evaluation.metric import Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_model
@@ -193,20 +193,20 @@ class MetricContract:
     def test_it_has_the_values_that_it_says(self) -> None:
         """Check for a number per node set and part, over no more nodes than there are."""
         metric, prediction = METRICS[self.name], self.prediction()
-        assert set(metric.node_sets) <= set(NODE_SETS)
+        assert set(metric.over) <= set(NODE_SETS)
         found = _measure(self.name, [prediction], np.ones((3, 1)))
-        assert set(found.values) == set(found.nodes)
-        for (node_set, part), nodes in found.nodes.items():
+        assert list(found) == [name_value(self.name, *key) for key in metric.keys]
+        for name, (values, nodes) in found.items():
+            row, node_set, _ = find_value(name)
+            assert row == metric
             assert 0 < nodes <= len(prediction.rows[node_set])
-            assert np.isfinite(found.values[node_set, part]).all()
-            value = name_value(self.name, node_set, part)
-            assert find_value(value) == (metric, node_set, part)
-            assert metric.label in head_value(value)
+            assert np.isfinite(values).all()
+            assert metric.label in head_value(name)
 
     def test_only_the_ratio_of_weights_counts(self) -> None:
         """Check that doubling all weights changes nothing."""
         weights = np.array([[1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
-        for once, twice in _measure(self.name, [self.prediction()], weights).values.values():
+        for (once, twice), _ in _measure(self.name, [self.prediction()], weights).values():
             np.testing.assert_allclose(twice, once, rtol=1e-9, atol=1e-12)
 
     def test_batches_do_not_matter(self) -> None:
@@ -218,28 +218,28 @@ class MetricContract:
             _measure(self.name, [_take_nodes(prediction, rows) for rows in some], weights)
             for some in (whole, parts)
         ]
-        assert found[0].nodes == found[1].nodes
-        for key, value in found[0].values.items():
-            np.testing.assert_allclose(found[1].values[key], value, rtol=1e-9, atol=1e-12)
+        for one, other in zip(*(values.values() for values in found), strict=True):
+            assert one.nodes == other.nodes
+            np.testing.assert_allclose(one.weighted, other.weighted, rtol=1e-9, atol=1e-12)
 
     def test_a_building_that_counts_twice_is_there_twice(self) -> None:
         """Check that weights act as repetitions, as every bootstrap interval requires."""
         prediction = self.prediction()
-        weighted = _measure(self.name, [prediction], np.array([[2.0], [0.0], [1.0]])).values
+        weighted = _measure(self.name, [prediction], np.array([[2.0], [0.0], [1.0]]))
         rows = np.concatenate([np.flatnonzero(prediction.truth.building == b) for b in (0, 0, 2)])
         taken = _take_nodes(prediction, rows)
         again = replace(taken.truth, building=np.repeat([0, 1, 2], 8))
         whole = Prediction(again, taken.expectation)
-        repeated = _measure(self.name, [whole], np.ones((3, 1))).values
-        for key, value in weighted.items():
-            np.testing.assert_allclose(repeated[key], value, rtol=1e-9, atol=1e-12)
+        repeated = _measure(self.name, [whole], np.ones((3, 1)))
+        for name, (values, _) in weighted.items():
+            np.testing.assert_allclose(repeated[name].weighted, values, rtol=1e-9, atol=1e-12)
 
 
-def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Values:
+def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Measured:
     """Return a row of `METRICS` for the buildings of the first batch, under weights `[B, W]`."""
     fold = Fold(batches[0].truth.scene_ids, [(one.truth, one.expectation) for one in batches])
-    (tally,) = tally_folds([METRICS[name]], [fold], weights)
-    return METRICS[name].finish(tally)
+    (values,) = measure_fold([fold], weights)
+    return {value: values[value] for value in values if value.split("/")[1] == name}
 
 
 def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:

@@ -59,9 +59,9 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
     if options["write_predictions"] is not None and not model:
         raise click.UsageError("--write-predictions writes what a model predicts; give --model too")
     # Imported here: a help or a typo must not wait for torch.
-    from bsg_models.evaluation.verdict import explain
+    from bsg_models.evaluation.verdict import explain, headline_rows
     from bsg_models.studies.comparison import EvaluationRequest
-    from bsg_models.studies.evaluation_report import headline_rows, report_evaluation
+    from bsg_models.studies.evaluation_report import report_evaluation
 
     models = tuple(Path(one) if Path(one).exists() else one for one in model)
     recipe = bsg_data.MaskRecipe(strategy=options.pop("mask"), fraction=options.pop("fraction"))
@@ -79,7 +79,7 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
     if comparison.has_verdicts:
         verdicts = explain(comparison.bootstraps, runs=comparison.runs)
         print_text("\n".join(verdicts) + "\n")
-    print_text(format_text(headline_rows(comparison), header=["", *names]))
+    print_text(format_text(headline_rows(comparison.estimates), header=["", *names]))
     figures = f"figures beside them: {len(report.figures)}"
     print_text(f"\nall metrics: {report.report}; per class: {report.classes}; {figures}")
     if (folder := options["write_predictions"]) is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -85,9 +84,10 @@ def main(
 
     refuse_finished(out, force=force)
     recipe = LeaderboardRecipe.model_validate({"masks": names, **options})
-    folds = f"{recipe.folds} folds of {len(recipe.masks)} masks, each with {recipe.draws} draws"
-    folds += f", by {recipe.seeds} seeds" if recipe.seeds > 1 else ""
-    print_note(f"{len(chosen)} models in {folds}")
+    print_note(
+        f"{len(chosen)} models in {recipe.folds} folds of {len(recipe.masks)} masks, each with "
+        f"{recipe.draws} draws, by {recipe.seeds} seed{'s' * (recipe.seeds > 1)}"
+    )
     warn_of_recordings(bsg_data.read_manifest(dataset))
     try:
         with worker_pool(workers) as executor, ExitStack() as stack:
@@ -122,12 +122,6 @@ def _choose_models(models: str | None) -> dict[str, RunConfig]:
     if not names:
         raise click.UsageError("--models names no model; expected names with commas between them")
     chosen = {name if name in MODELS else Path(name).stem: load_config(name) for name in names}
-    strange = [name for name in chosen if not re.fullmatch(r"[\w. -]+", name) or name[0] == "."]
-    if strange:
-        raise click.UsageError(
-            f"--models: {strange[0]!r} cannot name a folder; use letters, digits, spaces, '-', '_' "
-            "and '.', and no '.' first"
-        )
     if len(chosen) < len(names):
         raise click.UsageError("--models names a model twice; name each model once")
     return chosen

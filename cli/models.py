@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -13,11 +12,10 @@ from bsg_cli.choices import complete_model
 from bsg_cli.options import PATH, force_option, json_option, out_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
 from bsg_cli.train import print_run
-from bsg_data.errors import BSGError
+from bsg_data.errors import BSGError, DatasetError
+from bsg_data.files import resolve_links
+from bsg_data.seal import SEAL, require_seal
 from bsg_data.tables import format_text
-
-if TYPE_CHECKING:
-    from bsg_models.studies.run_summary import RunSummary
 
 
 @click.group("bsg-models", cls=CommandGroup)
@@ -71,7 +69,6 @@ def show(name: str) -> None:
       bsg-models show run
     """
     from bsg_models.runs.model_card import summarise_model
-    from bsg_models.studies.run_summary import summarise_run
 
     model = summarise_model(name)
     facts = [
@@ -87,21 +84,25 @@ def show(name: str) -> None:
     print_text(format_text(facts, header=("checkpoint", "")))
     if model.kind == "run":
         print_text("")
-        _print_training(summarise_run(name))
+        _print_training(Path(name))
 
 
-def _print_training(summary: RunSummary) -> None:
+def _print_training(run: Path) -> None:
     """Print what a run is and how it was trained."""
-    print_run(summary)
+    from bsg_models.runs.checkpoint import read_header
+    from bsg_models.runs.run_folder import BEST, CONFIG, read_record
+
+    require_seal(run)
+    print_run(run)
+    header, record = read_header(run / BEST), read_record(run)
     print_text(
-        f"seed {summary.header.config.seed}; to train it again: "
-        f"bsg-train DATASET --config {summary.written_config} --out RUN\n"
+        f"seed {header.config.seed}; to train it again: "
+        f"bsg-train DATASET --config {run / CONFIG} --out RUN\n"
     )
-    if (record := summary.record) is None:
-        return
-    versions = [record.versions.get(name, "?") for name in ("belief-scene-graphs", "torch")]
-    row = (record.time, f"{record.seconds:.1f}", summary.header.dataset_sha256[:12], *versions)
-    print_text(format_text([row], header=("trained", "seconds", "dataset", "version", "torch")))
+    if record is not None:
+        versions = [record.versions.get(name, "?") for name in ("belief-scene-graphs", "torch")]
+        row = (record.time, f"{record.seconds:.1f}", header.dataset_sha256[:12], *versions)
+        print_text(format_text([row], header=("trained", "seconds", "dataset", "version", "torch")))
 
 
 @main.command(cls=Command)
@@ -116,19 +117,39 @@ def verify(paths: tuple[Path, ...]) -> None:
       bsg-models verify run
       bsg-models verify run/evaluation search
     """
-    from bsg_models.studies.sealed_results import check_results
-
-    faults = 0
+    sound = True
     for path in paths:
         try:
-            files = check_results(path)
+            files = _count_sound(path)
         except BSGError as error:
             print_note(f"Error: {error}")
-            faults += 1
+            sound = False
             continue
-        print_text(f"{path}: sound ({len(files)} files)" if len(files) > 1 else f"{path}: sound")
-    if faults:
+        print_text(f"{path}: sound ({files} files)" if files > 1 else f"{path}: sound")
+    if not sound:
         raise click.exceptions.Exit(1)
+
+
+def _count_sound(path: Path) -> int:
+    """Return the number of files of a result, all of which are as they were written."""
+    from bsg_data.dataset.manifest import MANIFEST
+    from bsg_models.runs.run_folder import list_outdated
+
+    if path.is_file():
+        from bsg_models.runs.checkpoint import load_checkpoint
+
+        load_checkpoint(path)
+        return 1
+    sums = require_seal(path)
+    if not sums:
+        hint = f"has no {SEAL}: it is no folder of results, or its command was stopped"
+        if (path / MANIFEST).is_file():
+            hint = f"is a dataset; `bsg-data check {path}` checks it"
+        raise DatasetError(f"{path}: {hint}", code="seal-missing", where=path)
+    folder = resolve_links(path)
+    if folder in list_outdated(folder.parent):
+        print_note(f"{path}: measures other weights than its run has now; measure the run again")
+    return len(sums)
 
 
 @main.command(cls=Command)

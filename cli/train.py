@@ -22,7 +22,6 @@ from bsg_models.zoo.catalogue import RECIPES
 
 if TYPE_CHECKING:
     from bsg_models.runs.run_folder import EpochReport
-    from bsg_models.studies.run_summary import RunSummary
     from bsg_models.zoo.config import RunConfig
 
 
@@ -90,7 +89,6 @@ def main(
         )
     _note_other_mask(config, dataset)
     # Imported here, as in the other commands: a help or a typo must not wait for torch.
-    from bsg_models.studies.run_summary import summarise_run
     from bsg_models.training.training import train_run
 
     try:
@@ -101,7 +99,7 @@ def main(
         if any((partial / BUILD).glob("*.safetensors")):
             print_note(f"{partial}: the same command goes on with this training")
         raise
-    print_run(summarise_run(out))
+    print_run(out)
     print_text(f"next: bsg-evaluate {dataset} --model {out}")
 
 
@@ -133,25 +131,31 @@ def _note_other_mask(config: RunConfig, dataset: Path) -> None:
         )
 
 
-def print_run(summary: RunSummary) -> None:
+def print_run(run: Path) -> None:
     """Print what a run is, and how good its best epoch was."""
-    header, checkpoint = summary.header, summary.checkpoint
-    config, members = header.config, header.members
-    if members:
-        print_text(f"ensemble of {', '.join(members)}; checkpoint {checkpoint}")
+    from bsg_models.runs.checkpoint import read_header
+    from bsg_models.runs.run_folder import BEST, CURVE, list_outdated, read_record
+
+    checkpoint, curve = run / BEST, run / CURVE
+    header, record = read_header(checkpoint), read_record(run)
+    config = header.config
+    if header.members:
+        print_text(f"ensemble of {', '.join(header.members)}; checkpoint {checkpoint}")
     elif header.val_loss is None:
         print_text(f"{config.name} fitted by counting; checkpoint {checkpoint}")
     else:
-        most = "at most " if config.training.patience else ""
-        took = f" in {summary.record.seconds:.1f} s" if summary.record else ""
+        limit = "at most " if config.training.patience else ""
+        took = f" in {record.seconds:.1f} s" if record else ""
         print_text(
-            f"{config.name}: {most}{config.training.epochs} epochs{took}; lowest validation loss "
+            f"{config.name}: {limit}{config.training.epochs} epochs{took}; lowest validation loss "
             f"{header.val_loss:.4f} at epoch {header.epoch}"
         )
-        curve = f", learning curve {summary.curve}" if summary.curve.is_file() else ""
-        print_text(f"checkpoint {checkpoint}{curve}")
-    for note in summary.notes:
+        drawn = f", learning curve {curve}" if curve.is_file() else ""
+        print_text(f"checkpoint {checkpoint}{drawn}")
+    for note in record.notes if record else ():
         print_note(note)
+    for folder in list_outdated(run):
+        print_note(f"note: {folder} measures other weights than {checkpoint}; measure it again")
 
 
 @contextmanager

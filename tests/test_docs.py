@@ -257,7 +257,6 @@ def test_the_entry_of_the_benchmark_is_measured(
     assert result.exit_code == 0, result.output
     report = json.loads((dataset.parent / "mine-evaluation" / "evaluation.json").read_text("utf-8"))
     assert report == json.loads(result.stdout)
-    assert report["evaluator_version"] == 1
     assert report["metrics"]["rooms/presence_brier/all"]["mine"]["nodes"] == 12 * 2 + 66
     assert "Look into a building" not in (dataset.parent / "page.html").read_text("utf-8")
 

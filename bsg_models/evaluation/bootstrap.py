@@ -39,6 +39,17 @@ class Estimate:
     high: float  # upper end; nan without an interval
     nodes: int  # number of nodes, or of searches, behind the value
 
+    def show(self, digits: int = 3) -> str:
+        """Return the value and half the width of its interval; – if it is not defined.
+
+        >>> Estimate(0.1234, 0.11, 0.15, nodes=9).show()
+        '0.123 ±0.02'
+        """
+        if np.isnan(self.value):
+            return "–"
+        value, half = f"{self.value:.{digits}g}", (self.high - self.low) / 2
+        return value if np.isnan(half) else f"{value} ±{half:.{digits - 2}g}"
+
     def encode(self) -> dict[str, float | int | None]:
         """Return the estimate for JSON; unknown numbers are null."""
         ends = {"value": self.value, "low": self.low, "high": self.high}

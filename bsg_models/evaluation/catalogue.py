@@ -7,22 +7,19 @@ the group `bsg_models.metrics`; they follow this project's own.
 
 from __future__ import annotations
 
-from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
-from bsg_models.evaluation.metric_kinds import Metric
-from bsg_models.evaluation.presence import SELECTIONS
+from bsg_models.evaluation.metric import SELECTIONS, Metric
 from bsg_models.evaluation.truth import NODE_SETS
 
 _OURS = (
-    *("wasserstein_values", "energy_values", "wasserstein_classes", "energy_classes"),
-    *("total_variation", "mean_error", "mean_absolute_error", "hidden_nll"),
-    *("correlation_frobenius", "presence_auroc_micro", "presence_ap_micro", "presence_brier"),
-    *("presence_calibration_error", "presence_auroc_macro", "presence_ap_macro"),
-    *("top1_unseen", "top3_unseen", "top5_unseen"),
+    *("wasserstein_values", "energy_values", "total_variation", "mean_absolute_error"),
+    *("hidden_nll", "correlation_frobenius", "top3_unseen"),
+    *("presence_auroc_micro", "presence_auroc_macro", "presence_ap_micro", "presence_ap_macro"),
+    *("presence_brier", "presence_calibration_error"),
 )
 METRICS: Registry[Metric] = Registry(
     "metric",
-    Metric,  # type: ignore[type-abstract]
+    Metric,
     group="bsg_models.metrics",
     rows={name: f"bsg_models.evaluation.metric_rows:{name.upper()}" for name in _OURS},
 )
@@ -35,39 +32,15 @@ def name_value(metric: str, node_set: str, part: str) -> str:
 
 def find_value(name: str) -> tuple[Metric, str, str]:
     """Return metric, node set and part of a value's name."""
-    node_set, _, rest = name.partition("/")
-    row, _, part = rest.partition("/")
-    metric = METRICS[row]
-    if (node_set, part) not in metric.keys:
-        known = ", ".join(name_value(row, *key) for key in metric.keys)
-        raise RecipeError(f"metric {row!r} has no value {name!r}; it has {known}")
-    return metric, node_set, part
+    node_set, _, row = name.partition("/")
+    row, _, part = row.partition("/")
+    return METRICS[row], node_set, part
 
 
 def list_values() -> tuple[str, ...]:
-    """Return the names of all values, in the order of all tables.
-
-    First come metrics of all nodes, by node set; then those of presence, by selection of cells;
-    then those of rooms only.
-    """
+    """Return the names of all values, in the order of all tables."""
     rows, _ = METRICS.load_all()
-    wide = [row for row, metric in rows.items() if metric.node_sets == NODE_SETS]
-    names = [
-        name_value(row, *key)
-        for node_set in NODE_SETS
-        for row in wide
-        for key in rows[row].keys
-        if key[0] == node_set
-    ]
-    for selection in (*SELECTIONS, None):
-        for row in rows:
-            if row not in wide:
-                names += [
-                    name_value(row, node_set, part)
-                    for node_set, part in rows[row].keys
-                    if part == selection or (selection is None and part not in SELECTIONS)
-                ]
-    return tuple(names)
+    return tuple(name_value(row, *key) for row, metric in rows.items() for key in metric.keys)
 
 
 def list_added_values() -> tuple[str, ...]:
@@ -83,9 +56,9 @@ def label_value(name: str) -> str:
         label = label if part == "all" else f"{part} {label}"
     elif part not in ("", "mean"):
         label = f"{part} of {label}"
-    if metric.node_sets == NODE_SETS:
+    if metric.over == NODE_SETS:
         label += ", all nodes" if node_set == "all" else f", {node_set}"
-    elif node_set != metric.node_sets[0]:  # most are of rooms, and need not say so
+    elif node_set != metric.over[0]:  # most are of rooms, and need not say so
         label += f", {node_set}"
     return label
 

@@ -10,7 +10,8 @@ import pandas as pd
 
 from bsg_data.arrays import Bools, Floats
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.presence import RANKED, PresenceHistograms
+from bsg_models.evaluation.metric import RANKED
+from bsg_models.evaluation.presence import PresenceHistograms
 from bsg_models.evaluation.truth import Prediction, Truth
 
 
@@ -46,14 +47,14 @@ class Details:
     def add(self, truth: Truth, expectation: Expectation) -> None:
         """Add some masked buildings; each begins with its building node."""
         error = np.where(truth.known, expectation.totals - truth.targets, 0.0)
-        rows_of = Prediction(truth, expectation).rows
+        prediction = Prediction(truth, expectation)
         for name in RANKED:
-            rows = rows_of[name]
+            rows = prediction.rows[name]
             some = error[rows]
             sums = np.stack([truth.targets[rows], some, np.abs(some)]).sum(axis=1)
             self._sums[name] = self._sums[name] + sums if name in self._sums else sums
             self._nodes[name] += len(rows)
-            self._cells[name].add(truth, expectation, rows, np.zeros(len(rows), dtype=np.int64))
+            self._cells[name].add(prediction, rows, np.zeros(len(rows), dtype=np.int64))
         if self._stride:
             self._show(truth, expectation)
 
@@ -62,7 +63,7 @@ class Details:
         frames = []
         for name in RANKED:
             count, error, absolute = self._sums[name] / max(self._nodes[name], 1)
-            ranks = self._cells[name].ranks
+            ranks = self._cells[name].rank("all")
             columns = {
                 "model": model,
                 "nodes": name,
@@ -70,8 +71,8 @@ class Details:
                 "count": count,
                 "mean_error": error,
                 "mean_absolute_error": absolute,
-                "presence_auroc": ranks.auroc["all"][1:, 0],
-                "presence_ap": ranks.precision["all"][1:, 0],
+                "presence_auroc": ranks.auroc[1:, 0],
+                "presence_ap": ranks.precision[1:, 0],
             }
             frames.append(pd.DataFrame(columns))
         return pd.concat(frames, ignore_index=True)

@@ -7,20 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
-from bsg_models.evaluation.metric_kinds import Metric, NodeMetric, Tally, Weights
+from bsg_models.evaluation.correlations import Correlations
+from bsg_models.evaluation.metric import NodeMoments, Value, Weights
 from bsg_models.evaluation.metrics import mean_known
+from bsg_models.evaluation.presence import PresenceScores
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel, one_thread
 
-# Version of the metrics and of the reading of predictions: it rises if equal predictions would get
-# another value. So results of one version can be compared.
-EVALUATOR_VERSION = 1
-_Measured = tuple[dict[str, Floats], dict[str, int]]  # values and numbers of nodes, by metric
+Measured = dict[str, Value]  # by name
 
 
 def read_truth(masked: MaskedBuildings) -> Truth:
@@ -76,43 +75,33 @@ def measure_models(
     scenes = [of_models[0].scene_ids for of_models in folds]
     weights = _weigh_folds(scenes, resamples=resamples, seed=seed)
     with one_thread():
-        measured = [_measure_fold(*both) for both in zip(folds, weights, strict=True)]
-    there = np.stack([own.any(axis=0) for own in weights])
+        measured = [measure_fold(*both) for both in zip(folds, weights, strict=True)]
+    drawn = np.stack([own.any(axis=0) for own in weights])
     return {
-        name: _average(of_folds, there) for name, *of_folds in zip(models, *measured, strict=True)
+        name: _average(of_folds, drawn) for name, *of_folds in zip(models, *measured, strict=True)
     }
 
 
-def _measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[_Measured]:
-    """Return name → values `[W]` under weights `[B, W]`, and name → nodes, for each model."""
+def measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[Measured]:
+    """Return every value of each model in a fold under weights `[B, W]` of its buildings."""
     rows, _ = METRICS.load_all()
-    measured = []
-    for tally in tally_folds(rows.values(), of_models, weights):
-        values: dict[str, Floats] = {}
-        nodes: dict[str, int] = {}
-        for row, metric in rows.items():
-            own = metric.finish(tally)
-            values |= {name_value(row, *key): value for key, value in own.values.items()}
-            nodes |= {name_value(row, *key): number for key, number in own.nodes.items()}
-        measured.append((values, nodes))
-    return measured
-
-
-def tally_folds(
-    metrics: Iterable[Metric], of_models: Sequence[Fold], weights: Weights
-) -> list[Tally]:
-    """Return what some metrics need of each model's fold, under weights of its buildings."""
     number_of = {scene: number for number, scene in enumerate(of_models[0].scene_ids)}
-    nodewise = [metric for metric in metrics if isinstance(metric, NodeMetric)]
-    tallies = [Tally(weights) for _ in of_models]
+    scores = [
+        (NodeMoments(rows, weights), PresenceScores(weights), Correlations(weights))
+        for _ in of_models
+    ]
     for batches in zip(*(fold.batches for fold in of_models), strict=True):
-        for (truth, expectation), tally in zip(batches, tallies, strict=True):
+        for (truth, expectation), own in zip(batches, scores, strict=True):
             numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
-            prediction, building = Prediction(truth, expectation), numbers[truth.building]
-            tally.count(prediction, building)
-            for metric in nodewise:
-                metric.add(prediction, building, tally)
-    return tallies
+            prediction = Prediction(truth, expectation)
+            for score in own:
+                score.add(prediction, numbers[truth.building])
+    names = list_values()
+    measured = []
+    for own in scores:
+        found = {name_value(*key): value for score in own for key, value in score.finish().items()}
+        measured.append({name: found[name] for name in names})
+    return measured
 
 
 def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -> list[Weights]:
@@ -124,15 +113,14 @@ def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -
     return [weights[[number[scene] for scene in fold]] for fold in folds]
 
 
-def _average(measured: Sequence[_Measured], there: Bools) -> Bootstrap:
-    """Return the means over folds of the values that exist, `there` `[F, W]`, and are not nan."""
-    found = {name: np.stack([one[name] for one, _ in measured]) for name in list_values()}
-    values = {
-        name: own[0] if len(own) == 1 else mean_known(np.where(there, own, np.nan))
-        for name, own in found.items()
-    }
+def _average(folds: Sequence[Measured], drawn: Bools) -> Bootstrap:
+    """Return the means over folds of the values that exist, `drawn` `[F, W]`, and are not nan."""
+    values = {}
+    for name in folds[0]:
+        own = np.stack([fold[name].weighted for fold in folds])
+        values[name] = own[0] if len(own) == 1 else mean_known(np.where(drawn, own, np.nan))
     return Bootstrap(
         point={name: float(value[0]) for name, value in values.items()},
         resampled={name: value[1:] for name, value in values.items()},
-        nodes={name: sum(nodes[name] for _, nodes in measured) for name in values},
+        nodes={name: sum(fold[name].nodes for fold in folds) for name in values},
     )

@@ -45,43 +45,21 @@ def energy_values(p: Floats, q: Floats) -> Floats:
     return np.asarray(np.sqrt(2 * (difference**2 * gaps).sum(axis=1)))
 
 
-def wasserstein_classes(p: Floats, q: Floats) -> Floats:
-    """Return the Wasserstein distance with the class index as support, `[N]`, in classes.
-
-    Σ |F_p(c) − F_q(c)|: `scipy.stats.wasserstein_distance(c, c, p, q)`. nan if a row is all zero.
-    """
-    distance = np.abs(np.cumsum(p - q, axis=1)[:, :-1]).sum(axis=1)
-    return np.where(_both_filled(p, q), distance, np.nan)
-
-
-def energy_classes(p: Floats, q: Floats) -> Floats:
-    """Return the energy distance with the class index as support, `[N]`.
-
-    √(2 Σ (F_p(c) − F_q(c))²): `scipy.stats.energy_distance(c, c, p, q)`. nan if a row is all zero.
-    """
-    distance = np.sqrt(2 * (np.cumsum(p - q, axis=1)[:, :-1] ** 2).sum(axis=1))
-    return np.where(_both_filled(p, q), distance, np.nan)
-
-
 def total_variation(p: Floats, q: Floats) -> Floats:
     """Return ½ Σ |p − q|, `[N]`: the share of probability on wrong classes, 0..1."""
     return np.asarray(0.5 * np.abs(p - q).sum(axis=1))
 
 
 def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
-    """Return the four moments of the paper's Table I from sums of powers, each `[W]`.
+    """Return the four moments of the paper's Table I, each `[W]`, from sums of powers `[W, 5]`.
 
-    Two sums give the mean only. `sums` are `[W, 5]` or `[W, 2]`: Σ w, Σ w (x − centre), … to the
-    power of 4; a centre near the mean keeps the digits of differences of powers.
+    The sums are Σ w, Σ w (x − centre), … to the power of 4; a centre near the mean keeps the digits
+    of differences of powers. Without spread there is no shape, as in SciPy.
     """
     total = sums[:, :1]
     raw = np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 0)
-    mean = centre + raw[:, 1]
-    if sums.shape[1] == 2:
-        return (mean,)
     first, second, third, fourth = raw[:, 1:].T
-    variance = np.maximum(second - first**2, 0.0)
-    # like SciPy: no shape without spread
+    mean, variance = centre + first, np.maximum(second - first**2, 0.0)
     least = np.finfo(float).eps * np.maximum(mean**2, first**2)
     spread = np.where(variance > least, variance, np.nan)
     skewness = (third - 3 * first * second + 2 * first**3) / spread**1.5
@@ -95,23 +73,21 @@ def correlation_matrix(counts: Floats) -> Floats:
     A class without variance gets 0 with the others and 1 with itself.
     """
     # Covariance does not depend on the origin; near the mean it loses the fewest digits.
-    shifted = counts - counts.mean(axis=0, keepdims=True)
-    return correlate_sums(len(counts), shifted.sum(axis=0), shifted.T @ shifted)
+    rows = np.column_stack([np.ones(len(counts)), counts - counts.mean(axis=0)])
+    return correlate_sums((rows.T @ rows)[None])[0]
 
 
-def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
-    """Return the correlations `[C, C]` from the sum of weights, Σ x `[C]` and Σ x xᵀ `[C, C]`."""
-    mean = sums / max(number, 1.0)
-    second = np.diag(products) / max(number, 1.0)
-    covariance = products / max(number, 1.0) - np.outer(mean, mean)
-    variance = np.diag(covariance)
-    spread = variance > 1e-12 * np.maximum(second, 1.0)  # a constant class has rounding error only
+def correlate_sums(products: Floats) -> Floats:
+    """Return the correlations `[W, C, C]` from Σ z zᵀ `[W, 1 + C, 1 + C]`, z = (1, counts)."""
+    second = products[:, 1:, 1:] / np.maximum(products[:, :1, :1], 1.0)
+    mean = products[:, 0, 1:] / np.maximum(products[:, 0, :1], 1.0)
+    covariance = second - mean[:, :, None] * mean[:, None, :]
+    variance, square = (np.diagonal(of, axis1=1, axis2=2) for of in (covariance, second))
+    spread = variance > 1e-12 * np.maximum(square, 1.0)  # a constant class has rounding error only
     scale = np.where(spread, np.sqrt(np.where(spread, variance, 1.0)), 1.0)
-    correlation = covariance / np.outer(scale, scale)
-    correlation[~spread, :] = 0
-    correlation[:, ~spread] = 0
-    np.fill_diagonal(correlation, 1.0)
-    return np.asarray(correlation)
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    correlation = np.where(spread[:, :, None] & spread[:, None, :], correlation, 0.0)
+    return np.where(np.eye(correlation.shape[1], dtype=bool), 1.0, correlation)
 
 
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:
@@ -131,7 +107,3 @@ def mean_known(values: Floats) -> Floats:
     known = ~np.isnan(values)
     number, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
     return np.asarray(np.divide(total, number, out=np.full(len(total), np.nan), where=number > 0))
-
-
-def _both_filled(p: Floats, q: Floats) -> Bools:
-    return np.asarray((p.sum(axis=1) > 0) & (q.sum(axis=1) > 0))

@@ -23,10 +23,9 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE, zero_inflated
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.prediction_files import KEYS, NODE, Predictions
+from bsg_models.evaluation.prediction_files import KEYS, NODE, Predictions, refuse_row
 
 _LEAST = 1e-6  # one log 0 would dominate any mean
-_LISTED = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,20 +85,18 @@ def _log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class AlignedPredictions:
-    """Predictions of all N measured nodes."""
+    """Predictions for each of N masked nodes, in the order of their batches."""
 
-    nodes: pd.MultiIndex  # `[N]` scene id, draw and index of the node in its building
-    there: Bools  # `[N, C]` whether there is a row
-    # column → `[N, C]`: presence, expected, and total if stated
-    values: Mapping[str, Floats]
-    exactly: Sequence[Floats]  # `[N, C]` of p0, p1, …
+    nodes: pd.MultiIndex  # `[N]` scene, draw and node
+    columns: Mapping[str, Floats]  # name → `[N, C]`; nan in cells without a row
+    exactly: Sequence[str]  # names of p0, p1, …
     buildings: bool  # whether building nodes have rows
 
     def expect(self, masked: MaskedBuildings) -> _PredictedExpectation:
         """Return the predictions of some masked buildings; missing buildings follow from rooms."""
         seen, rows = masked.seen, self.nodes.get_indexer(_index_nodes(masked))
-        values = {name: column[rows] for name, column in self.values.items()}
-        presence, hidden, inputs = values["presence"], values["expected"], seen.inputs.astype(float)
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        presence, hidden = (np.nan_to_num(columns[name]) for name in ("presence", "expected"))
         if not self.buildings:
             rooms, own = ~seen.is_building, seen.building
             sums = np.zeros((len(seen), hidden.shape[1]))
@@ -107,18 +104,16 @@ class AlignedPredictions:
             none = np.ones_like(sums)
             np.multiply.at(none, own[rooms], 1 - presence[rooms])
             hidden[seen.is_building], presence[seen.is_building] = sums, 1 - none
-        totals = whole = inputs + hidden
-        if "total" in values:  # it is 0 in cells without a row
-            left = seen.is_building & (not self.buildings) | ~_hides(masked)
-            totals = np.where(left[:, None], whole, values["total"])
-        told = [np.where(self.there[rows], chance[rows], np.nan) for chance in self.exactly]
+        inputs = seen.inputs.astype(float)
+        totals = columns.get("total", np.full_like(inputs, np.nan))
+        is_whole = np.isnan(totals) | ~_hides(masked)[:, None]
         return _PredictedExpectation(
             inputs,
             zero_inflated(presence, hidden),
-            totals,
+            np.where(is_whole, inputs + hidden, totals),
             stated_presence=presence,
             stated_hidden=hidden,
-            exactly=np.stack(told) if told else None,
+            exactly=np.stack([columns[p] for p in self.exactly]) if self.exactly else None,
         )
 
 
@@ -136,34 +131,34 @@ def align(
         batches: all measured masked buildings.
         classes: `[C]` names.
         elsewhere: scenes of other folds, whose rows are skipped.
+
+    Raises:
+        PredictionError: naming the first row that is of no measured node and class, or a second of
+            one, or the first node and class without a row.
     """
     parts = [(_index_nodes(some), _hides(some), some.seen.is_building) for some in batches]
     indices, hides, is_building = zip(*parts, strict=True)
     nodes = indices[0].append(list(indices[1:]))
+    cells = nodes.to_frame(index=False).merge(pd.DataFrame({"class": classes}), how="cross")
     rows = predictions.rows[~predictions.rows["scene_id"].isin(elsewhere)]
-    place = nodes.get_indexer(pd.MultiIndex.from_frame(rows[list(NODE)]))
-    label = pd.Index(classes).get_indexer(pd.Index(rows["class"]))
-    cells = place * len(classes) + label
-    _require(rows, place >= 0, "node", "is of no node that is measured here")
-    _require(rows, label >= 0, "class", "is of a class that the class space does not have")
-    twice = pd.Series(cells).duplicated().to_numpy()
-    _require(rows, ~twice, "twice", "is there twice; expected one row of each")
-
-    def fill(column: object) -> Floats:
-        filled = np.zeros(there.shape)
-        filled.flat[cells] = column
-        return filled
-
-    there = np.zeros((len(nodes), len(classes)), dtype=bool)
-    there.flat[cells] = True
+    rows = rows.astype({"scene_id": object, "class": object})
+    refuse_row(
+        rows, rows.duplicated(list(KEYS)).to_numpy(), expected="one row of each node and class"
+    )
+    known = rows[list(KEYS)].merge(cells, how="left", on=list(KEYS), indicator="of")["of"] == "both"
+    refuse_row(
+        rows, ~known.to_numpy(), expected="a node that is measured here, and a class of these"
+    )
+    merged = cells.merge(rows, how="left", on=list(KEYS), validate="1:1")
     buildings = bool((rows["node_index"] == 0).any())
     needed = np.concatenate(hides) & (buildings | ~np.concatenate(is_building))
-    _require_all(predictions, nodes, classes, needed[:, None] & ~there)
+    _require_all(predictions, merged, needed.repeat(len(classes)))
+    columns = merged.columns[len(KEYS) :]
+    shape = len(nodes), len(classes)
     return AlignedPredictions(
         nodes,
-        there,
-        {name: fill(rows[name]) for name in ("presence", "expected", "total") if name in rows},
-        [fill(rows[name]) for name in predictions.exactly],
+        {name: merged[name].to_numpy().reshape(shape) for name in columns},
+        predictions.exactly,
         buildings,
     )
 
@@ -180,34 +175,14 @@ def _hides(masked: MaskedBuildings) -> Bools:
     return np.asarray((masked.seen.cell_share > 0).any(axis=1))
 
 
-def _require(rows: pd.DataFrame, sound: Bools, what: str, why: str) -> None:
-    if sound.all():
-        return
-    wrong = int(np.argmin(sound))
-    file, number = rows.index[wrong]
-    scene, draw, node, label = rows.iloc[wrong][list(KEYS)]
-    raise PredictionError(
-        f"{file}: row {number} (scene {scene!r}, draw {draw}, node {node}, class {label!r}): "
-        f"{why}; found {int((~sound).sum()):,} such",
-        code=f"prediction-{what}",
-        where=f"{file}: row {number}",
-    )
-
-
-def _require_all(
-    predictions: Predictions, nodes: pd.MultiIndex, classes: Sequence[str], missing: Bools
-) -> None:
+def _require_all(predictions: Predictions, merged: pd.DataFrame, needed: Bools) -> None:
     """Refuse predictions without a row of a node that hides something."""
-    if not missing.any():
-        return
-    listed = [
-        "scene {}, draw {}, node {}, class {}".format(*nodes[node], classes[label])
-        for node, label in np.argwhere(missing)[:_LISTED].tolist()
-    ]
-    number = int(missing.sum())
-    raise PredictionError(
-        f"{predictions.path}: {number:,} rows are missing: "
-        f"{'; '.join(listed)}{'; …' if number > _LISTED else ''}",
-        code="prediction-missing",
-        where=predictions.path,
-    )
+    missing = merged[needed & merged["presence"].isna().to_numpy()]
+    if len(missing):
+        listed = "scene {}, draw {}, node {}, class {}".format(*missing.iloc[0][list(KEYS)])
+        raise PredictionError(
+            f"{predictions.path}: expected a row of every node that hides something and every "
+            f"class; {len(missing):,} are missing, first {listed}",
+            code="prediction-missing",
+            where=predictions.path,
+        )

@@ -6,15 +6,19 @@ interval. Comparing two separate intervals for overlap would show less.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from bsg_data.errors import RecipeError
-from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.evaluation.catalogue import find_value, label_value, list_added_values
+from bsg_models.evaluation.bootstrap import Bootstrap, Estimate
+from bsg_models.evaluation.catalogue import (
+    find_value,
+    head_value,
+    label_value,
+    list_added_values,
+)
 
 _Verdict = Literal["better", "not distinguishable", "worse"]
 
@@ -55,8 +59,6 @@ def _judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
     the values differ.
     """
     less = find_value(name)[0].less
-    if less is None:
-        raise RecipeError(f"{name}: neither less nor more of it is better")
     gap = ours.difference(other, name)
     low, high = (gap.value, gap.value) if np.isnan(gap.low) else (gap.low, gap.high)
     if gap.value == 0 or not (low > 0 or high < 0):
@@ -78,7 +80,7 @@ def judge_all(
         other = bootstraps["doubled" if is_first else runs[0]]
         rival = "doubling what was seen" if is_first else runs[0]
         labels: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
-        for name in list_headlines(bootstraps):
+        for name in list_headlines(one.point for one in bootstraps.values()):
             has_side = find_value(name)[0].less is not None
             if has_side and not np.isnan(bootstraps[run].point[name] - other.point[name]):
                 labels[_judge(bootstraps[run], other, name)].append(label_value(name))
@@ -87,13 +89,32 @@ def judge_all(
     return judged
 
 
-def list_headlines(bootstraps: Mapping[str, Bootstrap]) -> list[str]:
+def list_headlines(points: Iterable[Mapping[str, float]]) -> list[str]:
     """Return the names of the headlines that are defined for any of some models, in order."""
     ours = [name for group in HEADLINES.values() for name in group]
+    models = list(points)
     return [
         name
         for name in (*ours, *list_added_values())
-        if not all(np.isnan(one.point[name]) for one in bootstraps.values())
+        if not all(np.isnan(values[name]) for values in models)
+    ]
+
+
+def headline_rows(estimates: Mapping[str, Mapping[str, Estimate]]) -> list[list[str]]:
+    """Return one row per headline metric: its label, and the value of every model."""
+    points = ({name: one.value for name, one in own.items()} for own in estimates.values())
+    return [
+        [head_value(name), *(own[name].show() for own in estimates.values())]
+        for name in list_headlines(points)
+    ]
+
+
+def metric_rows(estimates: Mapping[str, Mapping[str, Estimate]]) -> list[list[str]]:
+    """Return one row per metric: its name, its number of nodes, and the value of every model."""
+    first = next(iter(estimates.values()))
+    return [
+        [name, str(one.nodes), *(own[name].show() for own in estimates.values())]
+        for name, one in first.items()
     ]
 
 

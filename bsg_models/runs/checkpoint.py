@@ -1,15 +1,14 @@
 """Read and write checkpoints: safetensors files that hold everything needed to restore a model.
 
 The tensors are the model's state dict under `model.`; a training that was stopped has more
-(`bsg_models.training.epochs`). The header holds the configuration, the class space, the dataset's
-hash and the sha256 of the tensors; its own sha256 comes last. A flipped bit anywhere is refused.
-Nothing is pickled.
+(`bsg_models.training.epochs`). The header holds the configuration, the class space and the hash of
+the dataset. Nothing is pickled. Where `SHA256SUMS` beside a checkpoint lists it, as in a run, a
+file with another hash is refused.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,17 +25,11 @@ from bsg_data.files import AnyPath, write_bytes
 from bsg_data.records import Record, name_fault
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.seal import SEAL
+from bsg_data.seal import SEAL, read_seal
 from bsg_data.words.shown import show_value
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.inputs.folds import untaught_of
-from bsg_models.runs.checkpoint_file import (
-    AGAIN,
-    CHECKPOINT_VERSION,
-    open_checkpoint,
-    read_fields,
-    seal_header,
-)
+from bsg_models.runs.checkpoint_file import CHECKPOINT_VERSION, open_checkpoint, read_fields
 from bsg_models.runs.run_folder import BEST
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
@@ -67,8 +60,6 @@ class CheckpointHeader(Record):
     val_loss: float | None = None  # validation loss at that epoch; None if there is none
     best_epoch: int = 0  # epoch with the lowest val_loss so far
     best_loss: float | None = None  # that val_loss; None if there is none
-    # of names, types, shapes and bytes of the tensors; None until it is saved
-    tensors_sha256: str | None = None
 
     def is_of(self, config: RunConfig, data: Dataset) -> bool:
         """Return whether the checkpoint is of this configuration and dataset."""
@@ -79,7 +70,7 @@ class CheckpointHeader(Record):
 class Checkpoint:
     """A loaded checkpoint."""
 
-    header: CheckpointHeader  # configuration, classes and hashes
+    header: CheckpointHeader  # configuration, classes and data
     tensors: State  # by name
 
     def state_of(self, part: str) -> State:
@@ -110,11 +101,9 @@ def name_tensors(part: str, state: Mapping[str, npt.NDArray[Any]]) -> State:
 
 
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: State) -> None:
-    """Write a checkpoint to a temporary file and rename it."""
+    """Write a checkpoint, whole or not at all."""
     plain = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
-    hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": _hash_tensors(plain)}
-    text = header.model_copy(update=hashed).model_dump_json()
-    write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
+    write_bytes(path, save(plain, metadata={"bsg": header.model_dump_json()}))
 
 
 def save_model(
@@ -127,16 +116,6 @@ def save_model(
     """Save a model that was trained on a dataset; `fields` are other fields of the header."""
     header = make_header(config, data, vocabulary=model.vocabulary, **fields)
     save_checkpoint(path, header, name_tensors("model", model.state()))
-
-
-def _hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
-    """Return the sha256 of tensors, sorted by name: name, type, shape and bytes of each."""
-    digest = hashlib.sha256()
-    for name, tensor in sorted(tensors.items()):
-        kind = json.dumps([name, f"torch.{tensor.dtype}", list(tensor.shape)])  # noqa: TID251
-        digest.update(f"{kind}\n".encode())
-        digest.update(tensor.tobytes())
-    return digest.hexdigest()
 
 
 def read_header(path: Path) -> CheckpointHeader:
@@ -152,17 +131,19 @@ def load_checkpoint(path: AnyPath) -> Checkpoint:
     """
     path = Path(path)
     with open_checkpoint(path) as (file, fields):
-        header = _validate(fields, path)
         file.seek(0)
-        try:
-            tensors = load(file.read())
-        except (SafetensorError, KeyError, ValueError) as error:  # NumPy raises the last two
-            raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-    if header.tensors_sha256 != _hash_tensors(tensors):
+        data = file.read()
+    listed = (read_seal(path.parent) or {}).get(path.name)
+    if listed not in (None, hashlib.sha256(data).hexdigest()):
         raise CheckpointError(
-            f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {AGAIN}"
+            f"{path}: is damaged: its sha256 is not the one in {SEAL}; take another copy of it, or "
+            "train or install again"
         )
-    return Checkpoint(header, tensors)
+    try:
+        tensors = load(data)
+    except (SafetensorError, KeyError, ValueError) as error:  # NumPy raises the last two
+        raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
+    return Checkpoint(_validate(fields, path), tensors)
 
 
 def _validate(fields: dict[str, Any], path: Path) -> CheckpointHeader:

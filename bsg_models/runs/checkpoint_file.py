@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,15 +13,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
 
 CHECKPOINT_VERSION = 1
-AGAIN = "take another copy of it, or train again"
 _LENGTH = 8  # bytes that hold the length of the header
-_SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
-
-
-def seal_header(text: str) -> str:
-    """Return the JSON of a header with its own sha256 as the last field."""
-    covered = text.removesuffix("}")
-    return f'{covered}{_SEAL}{_hash_text(covered)}"}}'
 
 
 def read_fields(path: Path) -> dict[str, Any]:
@@ -59,8 +50,7 @@ def _read_header(file: BinaryIO, path: Path) -> bytes:
 
 def _parse(header: bytes, path: Path) -> dict[str, Any]:
     try:
-        text = parse_json(header)["__metadata__"]["bsg"]
-        fields = dict(parse_json(text))
+        fields = dict(parse_json(parse_json(header)["__metadata__"]["bsg"]))
         version = fields["checkpoint_version"]
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(
@@ -72,13 +62,4 @@ def _parse(header: bytes, path: Path) -> dict[str, Any]:
             f"{CHECKPOINT_VERSION}; "
             + ask_to_upgrade(version, CHECKPOINT_VERSION, otherwise="train again")
         )
-    covered, _, seal = text.rpartition(_SEAL)
-    # The JSON ends in spaces alone: other white space has no meaning, and no hash covers it.
-    if seal != f'{_hash_text(covered)}"}}' or not header.rstrip(b" ").endswith(b"}"):
-        raise CheckpointError(f"{path}: is damaged: its header does not match its sha256; {AGAIN}")
-    del fields["sha256"]
     return fields
-
-
-def _hash_text(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

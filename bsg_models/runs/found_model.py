@@ -1,8 +1,7 @@
 """Find the checkpoint that a user means: a folder, a file, a shipped name, or a hub model.
 
-Shipped models are files of the package `bsg_weights`; its `SHA256SUMS` lists them, and a file whose
-hash differs is refused. Only `download` uses the network: a hub model is found only if it is on
-this machine already.
+Shipped models are files of the package `bsg_weights`; its `SHA256SUMS` lists them. Only `download`
+uses the network: a hub model is found only if it is on this machine already.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from typing import Any, Literal
 
 from bsg_data.errors import RecipeError, ask_to_install
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.registry import require_known
 from bsg_data.seal import read_seal
 from bsg_data.words.nearest import ask_if_meant
@@ -67,9 +65,9 @@ def find_model(model: AnyPath) -> FoundModel:
     try:
         return _find_name(model) if isinstance(model, str) else _find_path(Path(model))
     except (OSError, ValueError) as error:  # no file system takes such a name
-        said = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or error
         raise CheckpointError(
-            f"no model {os.fspath(model)[:SHOWN]!r}: {said}; {_describe_shipped()}"
+            f"no model {os.fspath(model)[:SHOWN]!r}: {reason}; {_describe_shipped()}"
         ) from error
 
 
@@ -78,11 +76,12 @@ def _find_name(model: str) -> FoundModel:
     if "/" in model or os.sep in model or model.startswith(".") or model.endswith(SUFFIX):
         is_hub = _HUB_ID.fullmatch(model) and not (path.exists() or path.parent.is_dir())
         return _find_downloaded(model) if is_hub else _find_path(path)
-    if model in shipped_names():
-        return FoundModel(find_shipped(model), model, "shipped")
+    names = shipped_names()
+    if model in names:
+        return FoundModel(weights_folder() / f"{model}{SUFFIX}", model, "shipped")
     if model and path.is_dir():
         return _find_path(path)
-    hint = f"{ask_if_meant(model, shipped_names())} {_describe_shipped()}".lstrip()
+    hint = f"{ask_if_meant(model, names)} {_describe_shipped()}".lstrip()
     raise CheckpointError(
         f"no model {model[:SHOWN]!r}: no folder here and no shipped model has this name; {hint}"
     )
@@ -139,12 +138,9 @@ def shipped_names() -> tuple[str, ...]:
 
 
 def find_shipped(name: str, *, suffix: str = SUFFIX) -> Path:
-    """Return a file of a shipped model, its checkpoint or its card, after checking its hash."""
+    """Return a file of a shipped model, its checkpoint or its card."""
     require_known("shipped model", [name], shipped_names())
-    path = weights_folder() / f"{name}{suffix}"
-    if not path.is_file() or hash_file(path) != (read_seal(path.parent) or {}).get(path.name):
-        raise CheckpointError(f"{path}: is not what was shipped; install the package again")
-    return path
+    return weights_folder() / f"{name}{suffix}"
 
 
 def read_shipped_card(name: str) -> str:

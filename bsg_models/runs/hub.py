@@ -1,6 +1,6 @@
 """Load and publish models on the Hugging Face hub, with its own mixin; needs the extra `hub`.
 
-A hub model is three files: `model.safetensors`, an unchanged checkpoint with its sealed header;
+A hub model is three files: `model.safetensors`, an unchanged checkpoint;
 `config.json`, the same configuration for people; and `README.md`, its card.
 """
 
@@ -48,15 +48,15 @@ class HubModel(
         self.predictor = Predictor(self._found.path)
 
     def _save_pretrained(self, save_directory: Path) -> None:
-        """Write the three files; copy the checkpoint byte for byte, so its seal stays valid."""
+        """Write the three files; the checkpoint is copied byte for byte."""
         fields = read_fields(self._found.path)
-        said = {
+        facts = {
             "checkpoint_version": fields["checkpoint_version"],
             "class_space": fields["class_space"],
             "run": fields["config"],
         }
         shutil.copyfile(self._found.path, save_directory / HUB_WEIGHTS)
-        write_bytes(save_directory / HUB_CONFIG, (encode_json(said, indent=1) + "\n").encode())
+        write_bytes(save_directory / HUB_CONFIG, (encode_json(facts, indent=1) + "\n").encode())
         write_bytes(save_directory / HUB_CARD, write_model_card(self._found, fields).encode())
 
     @classmethod

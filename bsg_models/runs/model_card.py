@@ -243,11 +243,7 @@ class ModelSummary(Record):
 
 
 def list_shipped() -> list[ModelSummary]:
-    """Return the facts of every shipped model, in the listed order.
-
-    Raises:
-        CheckpointError: if a model was changed since it was shipped.
-    """
+    """Return the facts of every shipped model, in the listed order."""
     return [_summarise(FoundModel(find_shipped(n), n, "shipped")) for n in shipped_names()]
 
 

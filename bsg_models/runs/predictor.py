@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 
 from bsg_data.arrays import Bools
@@ -70,7 +70,8 @@ class Predictor:
         """Whether it is a shipped model that everybody may use for anything, as its card says."""
         sha256, shipped = hash_file(self._path), read_seal(weights_folder()) or {}
         names = [Path(file).stem for file, listed in shipped.items() if listed == sha256]
-        return any(_is_free(name) for name in names)
+        cards = (read_card(read_shipped_card(name), origin=name) for name in names)
+        return any(not card.is_restricted for card in cards)
 
     @property
     def vocabulary(self) -> tuple[str, ...]:
@@ -174,11 +175,6 @@ class Predictor:
                 "read_robot_graph(path, class_map=predictor.class_map)"
             )
         return graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
-
-
-@cache
-def _is_free(name: str) -> bool:
-    return not read_card(read_shipped_card(name), origin=name).is_restricted
 
 
 def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:

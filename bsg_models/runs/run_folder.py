@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 from pydantic import Field, ValidationError
 
 from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Record, name_fault
+from bsg_data.seal import read_seal
 from bsg_models.errors import TrainingError
 
 if TYPE_CHECKING:  # a card is read without Arrow
@@ -86,6 +88,21 @@ def list_trained_on(data: Dataset, scenes: Collection[str]) -> tuple[TrainedOn, 
 def checkpoint_of(run: Path) -> Path:
     """Return the best checkpoint of a run; a file is returned as it is."""
     return run / BEST if run.is_dir() else run
+
+
+def list_outdated(run: Path) -> tuple[Path, ...]:
+    """Return the folders of an evaluation and a search in a run that measure other weights.
+
+    They say what they measured; a later training may have replaced the run.
+    """
+    weights = (read_seal(run) or {}).get(BEST)
+    reports = [run / name / f"{name}.json" for name in ("evaluation", "search")]
+    measured = {
+        path.parent: parse_json(path.read_bytes())["checkpoints_sha256"]
+        for path in reports
+        if weights and path.is_file()
+    }
+    return tuple(folder for folder, hashes in measured.items() if weights not in hashes)
 
 
 def read_record(run: Path) -> TrainingRecord | None:

@@ -23,7 +23,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
 from bsg_models.evaluation.details import Details, ShownNodes
-from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Fold, measure_models
+from bsg_models.evaluation.measurement import Fold, measure_models
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.predictions import AlignedPredictions
 from bsg_models.evaluation.truth import Truth
@@ -322,7 +322,6 @@ def _describe_pairs(pairs: MeasuredPairs, *, fold: int | None) -> dict[str, Any]
     survey = pairs.survey
     return {
         "split": pairs.split if pairs.fresh is None else WHOLE,
-        "evaluator_version": EVALUATOR_VERSION,
         "fold": fold,
         "dataset_sha256": pairs.data.sha256,
         "class_space": pairs.data.manifest.class_space.name,

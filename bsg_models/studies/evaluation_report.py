@@ -8,7 +8,7 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -22,10 +22,8 @@ from bsg_data.places import refuse_datasets
 from bsg_data.results import was_stopped, write_files, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.masked_graph import list_withheld, mask_dataset
-from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter
-from bsg_models.evaluation.verdict import judge_all, list_headlines
+from bsg_models.evaluation.verdict import headline_rows, judge_all, metric_rows
 from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
@@ -145,11 +143,11 @@ def _write_page(
         if comparison.has_verdicts
         else {},
         tables=[
-            Table("In short", ["metric", *estimates], headline_rows(comparison)),
+            Table("In short", ["metric", *estimates], headline_rows(estimates)),
             Table(
                 "Every metric",
                 ["metric", "nodes", *estimates],
-                metric_rows(comparison),
+                metric_rows(estimates),
                 folded=True,
             ),
         ],
@@ -180,28 +178,3 @@ def _encode_comparison(comparison: Comparison) -> dict[str, Any]:
         for name, estimate in estimates.items():
             metrics.setdefault(name, {})[model] = estimate.encode()
     return {**comparison.facts, "notes": list(comparison.notes), "metrics": metrics}
-
-
-def headline_rows(comparison: Comparison) -> list[list[str]]:
-    """Return one row per headline metric: its label, and the value of every model."""
-    names = list_headlines(comparison.bootstraps)
-    return [[head_value(name), *_cells(comparison, name)] for name in names]
-
-
-def metric_rows(comparison: Comparison) -> list[list[str]]:
-    """Return one row per metric: its name, its number of nodes, and the value of every model."""
-    first = next(iter(comparison.estimates.values()))
-    return [[name, str(e.nodes), *_cells(comparison, name)] for name, e in first.items()]
-
-
-def _cells(comparison: Comparison, name: str) -> Iterator[str]:
-    return (_cell(estimates[name]) for estimates in comparison.estimates.values())
-
-
-def _cell(estimate: Estimate) -> str:
-    """Return a value ± half the width of its 95 % interval."""
-    if np.isnan(estimate.value):
-        return "-"
-    value = f"{estimate.value:.3g}"
-    half = (estimate.high - estimate.low) / 2
-    return value if np.isnan(half) else f"{value} ±{half:.1g}"

@@ -24,7 +24,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from pydantic import Field, field_validator
 
@@ -34,14 +33,13 @@ from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import AnyPath, hold, refuse_links, resolve_links
-from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.files import AnyPath, hold
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.places import refuse_datasets
 from bsg_data.recipes import MAX_SEED, Fraction, MaskRecipe, PairsRecipe, Seed, SplitRecipe
 from bsg_data.records import Record
-from bsg_data.results import name_staged, write_folder
+from bsg_data.results import write_folder
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
 from bsg_models.evaluation.measurement import Fold, measure
@@ -125,69 +123,40 @@ def make_leaderboard(
             of another one.
         TrainingError: if a training fails.
     """
-    dataset, out = Path(dataset), Path(out)
+    dataset, out = Path(dataset), Path(out).absolute()  # a worker may run in another folder
     report = progress or (lambda what, done, total: None)
-    _require_apart(dataset, out)
-    out.mkdir(parents=True, exist_ok=True)
-    out = out.absolute()  # a worker may run in another folder
+    refuse_datasets(out)
     trainings = _list_trainings(out, models, recipe)
-    for training in trainings:
-        refuse_links(out, training.run)
-    shown = [(mask, name) for mask in recipe.masks for name in models]
+    measured = [(out, mask, name, models[name], recipe) for mask in recipe.masks for name in models]
     with hold(out):
-        for mask in dict.fromkeys((*recipe.masks, *(one.folder.name for one in trainings))):
-            prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
-        tasks = [(one,) for one in trainings]
+        copies = (out / mask / DATASET for mask in recipe.masks)
+        for copy in dict.fromkeys((*copies, *(copy for copy, _ in trainings.values()))):
+            prepare_dataset(dataset, copy, recipe)
+        tasks = [(run, *training) for run, training in trainings.items()]
         run_all(_train, tasks, executor=executor, progress=partial(report, "train"))
-        measures = [(out, mask, name, models[name], recipe) for mask, name in shown]
-        found = run_all(_measure, measures, executor=executor, progress=partial(report, "measure"))
+        found = run_all(_measure, measured, executor=executor, progress=partial(report, "measure"))
     results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
-    for (mask, name), result in zip(shown, found, strict=True):
+    for (_, mask, name, *_), result in zip(measured, found, strict=True):
         results[mask][name] = result
     return Leaderboard(recipe, read_manifest(dataset), results)
 
 
-def _require_apart(dataset: Path, out: Path) -> None:
-    refuse_datasets(out)
-    there, own = resolve_links(out), resolve_links(dataset)
-    if there.is_relative_to(own) or own.is_relative_to(there):
-        raise DatasetError(
-            f"{out} and the dataset {dataset} lie one inside the other; choose another --out"
-        )
-
-
-class _Training(NamedTuple):
-    """One training of a leaderboard."""
-
-    folder: Path  # of the kind of mask
-    name: str  # of the model
-    config: RunConfig
-    recipe: LeaderboardRecipe
-    fold: int
-    seed: int  # number, from 0
-
-    @property
-    def run(self) -> Path:
-        """Folder of the run."""
-        return run_of(self.folder, self.name, self.fold, seed=self.seed)
-
-
 def _list_trainings(
     out: Path, models: Mapping[str, RunConfig], recipe: LeaderboardRecipe
-) -> list[_Training]:
-    """Return all trainings: of each model on each kind of mask, or once on its own mask."""
-    places = dict.fromkeys(
-        (config.data.own_strategy or mask, name)
-        for mask in recipe.masks
-        for name, config in models.items()
-    )
-    return [
-        _Training(out / mask, name, models[name], recipe, fold, seed)
+) -> dict[Path, tuple[Path, RunConfig]]:
+    """Return run → dataset and configuration: of each mask, or once of a model's own mask."""
+    return {
+        run_of(out / mask, name, fold, seed=seed): (
+            out / mask / DATASET,
+            _fit_to(config, recipe, mask=mask, fold=fold, seed=seed),
+        )
         for seed in range(recipe.seeds)
         for fold in range(recipe.folds)
-        for mask, name in places
-        if seed < recipe.count_seeds(models[name])
-    ]
+        for measured in recipe.masks
+        for name, config in models.items()
+        if seed < recipe.count_seeds(config)
+        for mask in [config.data.own_strategy or measured]
+    }
 
 
 def _fit_to(
@@ -221,54 +190,42 @@ def run_of(folder: Path, name: str, fold: int, *, seed: int = 0) -> Path:
     return (folder / f"seed-{seed}" if seed else folder) / f"fold-{fold}" / name
 
 
-def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
-    """Copy a dataset, split it into folds and draw its pairs, unless that is done."""
-    manifest = read_manifest(source)
+def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe) -> None:
+    """Copy a dataset to `MASK/dataset`, in folds and with pairs, unless that is done."""
+    manifest, strategy = read_manifest(source), copy.parent.name
     split = SplitRecipe(method="folds", ratios=None, folds=recipe.folds, seed=recipe.seed)
-    pairs = PairsRecipe(
-        mask=MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed),
-        draws=recipe.draws,
-    )
-    for path in (copy, name_staged(copy)):
-        refuse_links(copy.parents[1], path)
+    mask = MaskRecipe(strategy=strategy, fraction=recipe.fraction, seed=recipe.seed)
+    pairs = PairsRecipe(mask=mask, draws=recipe.draws)
     if not (copy / MANIFEST).is_file():
         _copy_dataset(source, copy, manifest)
-    there = read_manifest(copy)
-    if (there.sources, there.class_space) != (manifest.sources, manifest.class_space):
+    copied = read_manifest(copy)
+    if (copied.sources, copied.class_space) != (manifest.sources, manifest.class_space):
         raise DatasetError(f"{copy}: is a copy of another dataset; choose another --out")
-    if there.split != split:
+    if copied.split != split:
         split_dataset(copy, split, force=True)
     if read_manifest(copy).pairs != pairs:
         write_pairs(copy, pairs, force=True)
 
 
 def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
-    """Copy a dataset without its split and pairs."""
+    """Copy a dataset without its split and pairs; who reads it compares hashes."""
     bare = manifest.without_split()
     plan = bare.model_dump_json().encode()
     with write_folder(copy, commit.DATASET, plan=plan, force=False) as (folder, is_done):
         if is_done:
             return
         for entry in bare.files:
-            place = folder / entry.path
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source / entry.path, place)
-            if hash_file(place) != entry.sha256:
-                raise DatasetError(
-                    f"{source / entry.path}: is not what the manifest says; `bsg-data check` says "
-                    "more"
-                )
+            (folder / entry.path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / entry.path, folder / entry.path)
         for class_map in manifest.class_maps:
             class_map.copy_map(source, folder)
         commit.publish(folder, bare)
 
 
-def _train(one: _Training) -> None:
-    """Train a model for one fold and seed, unless that is done."""
-    config = _fit_to(one.config, one.recipe, mask=one.folder.name, fold=one.fold, seed=one.seed)
-    data = Dataset.open(one.folder / DATASET)
-    if not is_finished(one.run, config, data):
-        train_run(config, data.path, one.run, force=True)
+def _train(run: Path, dataset: Path, config: RunConfig) -> None:
+    """Train a run, unless that is done."""
+    if not is_finished(run, config, Dataset.open(dataset)):
+        train_run(config, dataset, run, force=True)
 
 
 def _measure(

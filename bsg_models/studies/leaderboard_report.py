@@ -21,7 +21,6 @@ from bsg_data.results import write_into
 from bsg_data.seal import SEAL, read_seal, refuse_other_results, write_seal
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value, list_added_values
-from bsg_models.evaluation.measurement import EVALUATOR_VERSION
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.rendering.pages import Table, write_report
@@ -29,8 +28,6 @@ from bsg_models.studies.leaderboard import DATASET, Leaderboard, ModelResult
 
 REPORT, _PAGE = "leaderboard.json", "leaderboard.html"
 _REFERENCE = "gamma-poisson"  # the model whose likelihood counts as 1
-_UNKNOWN = "–"
-_CONSTANT = "train-mean"  # the model that predicts the same for every unvisited room
 _HIDDEN, _UNVISITED, _WHOLE = HEADLINES.values()
 _RANKED_BY = "rooms/hidden_nll"
 _Results = Mapping[str, ModelResult]  # of one kind of mask
@@ -100,51 +97,37 @@ def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[
 def write_json(board: Leaderboard) -> dict[str, Any]:
     """Return a leaderboard as JSON.
 
-    `masks` → mask → model → `seconds`, `trained_on` (a kind of mask), `metrics` (value, interval,
-    nodes), and the values of `compare`; with several seeds, the number of `seeds` that trained it.
+    `masks` → mask → model → `seconds`, number of `seeds`, `trained_on` (a kind of mask), `metrics`
+    (value, interval, nodes), and `nll_over_gamma_poisson`, if that is there.
     """
-    several = board.recipe.seeds > 1
-    masks: dict[str, Any] = {}
-    for mask, results in board.results.items():
-        masks[mask] = {
-            name: {
-                "seconds": round(result.seconds, 2),
-                "trained_on": result.trained_on or mask,
-                **({"seeds": result.seeds} if several else {}),
-                **{k: _plain(v) for k, v in compare(results, name).items()},
-                "metrics": {k: _plain(e) for k, e in result.metrics.estimates().items()},
-            }
-            for name, result in results.items()
-        }
     return {
-        "evaluator_version": EVALUATOR_VERSION,
-        "recipe": board.recipe.model_dump(mode="json", exclude=None if several else {"seeds"}),
+        "recipe": board.recipe.model_dump(mode="json"),
         "dataset": {
             "sources": [one.model_dump(mode="json") for one in board.manifest.sources],
             "class_space": board.manifest.class_space.name,
             "scenes": board.manifest.totals.scenes,
             "rooms": board.manifest.totals.rooms,
         },
-        "masks": masks,
+        "masks": {
+            mask: {
+                name: {
+                    "seconds": round(result.seconds, 2),
+                    "seeds": result.seeds,
+                    "trained_on": result.trained_on or mask,
+                    "nll_over_gamma_poisson": _encode(compare(results, name)),
+                    "metrics": {k: _encode(e) for k, e in result.metrics.estimates().items()},
+                }
+                for name, result in results.items()
+            }
+            for mask, results in board.results.items()
+        },
     }
 
 
-def compare(results: _Results, name: str) -> dict[str, Estimate | None]:
-    """Return a model's paired comparisons; None if the model to compare with is missing.
-
-    The first is a ratio of hidden NLL over rooms, the second a difference of average precision over
-    unvisited rooms, the last a difference of hidden NLL over rooms.
-    """
-    ours = results[name].metrics
-    reference, constant = (results.get(other) for other in (_REFERENCE, _CONSTANT))
-    best = results[_rank_models(results)[0]].metrics
-    return {
-        "nll_over_gamma_poisson": ours.ratio(reference.metrics, _RANKED_BY) if reference else None,
-        "unvisited_ap_minus_train_mean": (
-            ours.difference(constant.metrics, _UNVISITED[0]) if constant else None
-        ),
-        "nll_minus_best": ours.difference(best, _RANKED_BY),
-    }
+def compare(results: _Results, name: str) -> Estimate | None:
+    """Return the paired ratio of a model's hidden NLL over rooms to that of `gamma-poisson`."""
+    reference = results.get(_REFERENCE)
+    return results[name].metrics.ratio(reference.metrics, _RANKED_BY) if reference else None
 
 
 def _rank_models(results: _Results) -> list[str]:
@@ -159,20 +142,6 @@ def say_means(seeds: int) -> tuple[str, str]:
     return f"the folds and {seeds} seeds", "buildings and seeds"
 
 
-def _say_seeds(board: Leaderboard) -> str:
-    """Return by which seeds the models were trained, and what their number does not show."""
-    seed, seeds = board.recipe.seed, board.recipe.seeds
-    results = next(iter(board.results.values()))
-    once = [name for name, result in results.items() if result.seeds == 1]
-    but = f"; {', '.join(once)} once, because no seed changes them" if once else ""
-    return (
-        f"Each model was trained by {seeds} seeds, {seed} to {seed + seeds - 1}{but}. All are "
-        f"tested on folds and masks of seed {seed}. On average, {seeds} seeds show "
-        f"{100 * (seeds - 1) / seeds:.0f} % of the variance that a seed adds: the intervals hold "
-        "too little of it."
-    )
-
-
 def _say_what(board: Leaderboard) -> str:
     """Return what was measured, and what the values are."""
     recipe, totals = board.recipe, board.manifest.totals
@@ -181,7 +150,7 @@ def _say_what(board: Leaderboard) -> str:
         f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
         f"{board.manifest.class_space.name}; {recipe.folds} folds by building, {recipe.draws} "
         f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
-        f"Values and training times are means over {means}; ± is half the 95 % interval over "
+        f"Values are means over {means}; ± is half the 95 % interval over "
         f"{intervals}. docs/evaluation.md defines the metrics."
     )
 
@@ -189,12 +158,8 @@ def _say_what(board: Leaderboard) -> str:
 def _write_page(board: Leaderboard, path: Path, figures: Mapping[str, Path]) -> None:
     """Write a leaderboard as one page: a table for each mask and topic, and every metric."""
     facts = [_say_what(board)]
-    if board.recipe.seeds > 1:
-        facts.append(_say_seeds(board))
-    every = [one for results in board.results.values() for one in results.items()]
-    own = {
-        f"{name} ({result.trained_on} masks)": None for name, result in every if result.trained_on
-    }
+    models = next(iter(board.results.values())).items()
+    own = [f"{name} ({model.trained_on} masks)" for name, model in models if model.trained_on]
     if own:
         facts.append(f"One model in every table: {', '.join(own)}.")
     write_report(
@@ -216,10 +181,12 @@ def _tabulate_topics(mask: str, results: _Results) -> Iterator[Table]:
     ranked = _rank_models(results)
     for topic, headlines in {**HEADLINES, "other packages": list_added_values()}.items():
         table = {head_value(name): _cells(results, name) for name in headlines}
-        known = {head: cells for head, cells in table.items() if {*cells} != {_UNKNOWN}}
+        known = {head: cells for head, cells in table.items() if {*cells} != {"–"}}
         if known:
-            more = _compare_columns(results) if headlines == _HIDDEN else {}
-            columns = {"model": ranked, **known, **more}
+            columns = {"model": ranked, **known}
+            if headlines == _HIDDEN and _REFERENCE in results:
+                ratios = (compare(results, name) for name in ranked)
+                columns[f"NLL / {_REFERENCE}"] = [ratio.show(4) for ratio in ratios if ratio]
             rows = list(zip(*columns.values(), strict=True))
             yield Table(f"Masks {mask}: {topic}", list(columns), rows)
 
@@ -234,28 +201,10 @@ def _tabulate_all(mask: str, results: _Results) -> Iterator[Table]:
 
 def _cells(results: _Results, name: str) -> list[str]:
     """Return a value of every model, the best model first."""
-    return [_cell(results[model].metrics.estimate(name)) for model in _rank_models(results)]
+    return [results[model].metrics.estimate(name).show(4) for model in _rank_models(results)]
 
 
-def _compare_columns(results: _Results) -> dict[str, list[str]]:
-    """Return the columns behind the first headlines."""
-    ranked = _rank_models(results)
-    compared = [compare(results, name)["nll_over_gamma_poisson"] for name in ranked]
-    return {
-        "NLL / gamma-poisson": list(map(_cell, compared)),
-        "training, s": [f"{results[name].seconds:.1f}" for name in ranked],
-    }
-
-
-def _cell(estimate: Estimate | None) -> str:
-    if estimate is None or np.isnan(estimate.value):
-        return _UNKNOWN
-    half = (estimate.high - estimate.low) / 2
-    value = f"{estimate.value:.4g}"
-    return value if np.isnan(half) else f"{value} ± {half:.2g}"
-
-
-def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
+def _encode(estimate: Estimate | None) -> dict[str, float | int | None] | None:
     return None if estimate is None or np.isnan(estimate.value) else estimate.encode()
 
 

@@ -16,7 +16,7 @@ from contracts import FormatContract
 from bsg_data.arrays import Floats
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.catalogue import METRICS
-from bsg_models.evaluation.metric_kinds import NodeMetric
+from bsg_models.evaluation.metric import NodeMetric
 from bsg_models.evaluation.truth import Truth
 from bsg_models.testing import MetricContract, ModelContract
 from bsg_models.zoo.catalogue import ZOO

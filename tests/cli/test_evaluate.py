@@ -42,7 +42,7 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path, tmp_path: Path
         assert said in result.stderr
     assert "is there already; --force replaces it" in run(*words, code=1).stderr
     text = page.read_text("utf-8")
-    assert "rooms/wasserstein_classes/kurtosis" in text
+    assert "rooms/wasserstein_values/kurtosis" in text
     assert text.count("data:image/png;base64,") == 3
     assert "Belief scene graph" in text
     assert not re.search(r"(src|href)=.?https?:", text), "it opens offline"
@@ -117,4 +117,4 @@ def test_json_and_twins(dataset: Path, trained: Path, tmp_path: Path) -> None:
     assert report["metrics"]["rooms/hidden_nll"]["ceci (run)"]["low"] is None
     assert [*report["runs"]] == ["ceci (run)", "ceci (run)-2", "ceci (run)-3"]
     assert "--force" in run(*words, code=1).stderr
-    assert "rooms/wasserstein_classes/kurtosis" in report["metrics"]
+    assert "rooms/wasserstein_values/kurtosis" in report["metrics"]

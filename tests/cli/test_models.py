@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from commands import runner
 
+from bsg_cli import evaluate, train
 from bsg_cli.models import main
 
 call = runner(main)
@@ -45,6 +46,34 @@ def test_a_run_is_shown_too(run: Path) -> None:
 )
 def test_what_is_not_there_is_said(words: tuple[str, ...], said: str) -> None:
     assert said in call(*words, code=1).stderr
+
+
+def test_what_is_sound_what_was_changed_and_what_has_no_seal(run: Path, tmp_path: Path) -> None:
+    assert call("verify", run).stdout == f"{run}: sound (3 files)\n"
+    best = run / "best.safetensors"
+    assert call("verify", best).stdout == f"{best}: sound\n"
+    (run / "training.json").write_text("{}")
+    (tmp_path / "empty").mkdir()
+    paths = (run, tmp_path / "empty", tmp_path / "nothing", run / "training.json")
+    said = call("verify", *paths, best, code=1)
+    assert said.stderr.count("Error: ") == len(paths)
+    assert said.stdout == f"{best}: sound\n"
+    best.write_bytes(best.read_bytes()[:-1] + b"x")
+    assert "is not the one in SHA256SUMS" in call("verify", best, code=1).stderr
+
+
+def test_an_evaluation_of_replaced_weights_is_told(
+    run: Path, dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`bsg-train --force` leaves the evaluation of the old weights in the folder of the new run."""
+    monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+    runner(evaluate.main)(dataset, "--model", run)
+    assert "other weights" not in call("show", run).stderr
+    train_again = (dataset, "--out", run, "--force", "--config", "doubled")
+    assert f"{run / 'evaluation'} measures other weights" in runner(train.main)(*train_again).stderr
+    assert "measures other weights" in call("verify", run / "evaluation").stderr
+    runner(evaluate.main)(dataset, "--model", run, "--force")
+    assert "other weights" not in call("show", run).stderr
 
 
 def test_a_build_without_models_lists_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

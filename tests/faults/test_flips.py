@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.errors import BSGError
-from bsg_models.studies.sealed_results import check_results
+from bsg_data.seal import require_seal
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
 
@@ -64,5 +64,5 @@ def test_in_a_run(dataset: Path, tmp_path: Path, full: bool) -> None:
     small = ["model.width=4", "training.epochs=1"]
     tables = override(find_config("ceci").model_dump(mode="json"), small)
     train_run(validate_config(tables, source="test"), dataset, run)
-    assert {*check_results(run), "SHA256SUMS"} == {path.name for path in run.iterdir()}
-    assert find_missed(run, lambda: not check_results(run), full=full) == []
+    assert {*(require_seal(run) or ()), "SHA256SUMS"} == {path.name for path in run.iterdir()}
+    assert find_missed(run, lambda: not require_seal(run), full=full) == []

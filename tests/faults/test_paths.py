@@ -19,6 +19,7 @@ from conftest import working_in
 from killed_process import snapshot
 
 from bsg_cli.registry import COMMANDS
+from bsg_data.seal import write_seal
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.runs.run_folder import BEST
 
@@ -74,6 +75,7 @@ def edit_header(folder: Path, edit: Callable[[dict[str, Any]], None]) -> list[st
     said = checkpoint.header.model_dump(mode="json")
     edit(said)
     save_checkpoint(folder / "run" / BEST, Said(said), checkpoint.tensors)  # type: ignore[arg-type]
+    write_seal(folder / "run", [BEST])
     graph = {"scene_id": "home", "rooms": [{"id": "r"}]}
     (folder / "graph.json").write_text(json.dumps(graph), "utf-8")
     measure = "bsg-evaluate dataset --model run --out out --write-predictions written"
@@ -86,9 +88,6 @@ class Said:
 
     def __init__(self, said: dict[str, Any]) -> None:
         self.said = said
-
-    def model_copy(self, *, update: dict[str, Any]) -> Said:
-        return Said({**self.said, **update})
 
     def model_dump_json(self) -> str:
         return json.dumps(self.said)

@@ -132,7 +132,7 @@ COMMANDS: dict[str, tuple[int, Callable[[Path], object]]] = {
     "train --force": (3, lambda at: train(at, force=True)),
     "leaderboard": (8, rank),
 }
-TIMED = ("training.json", "metrics.csv", "SHA256SUMS", "leaderboard.json", "leaderboard.html")
+TIMED = ("training.json", "metrics.csv", "SHA256SUMS", "leaderboard.json")
 
 
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")

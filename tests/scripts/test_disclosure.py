@@ -15,6 +15,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
+from bsg_data.seal import SEAL
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
@@ -28,6 +29,7 @@ def change(
     """Write a checkpoint again, with other fields and more tensors."""
     old = load_checkpoint(path)
     save_checkpoint(path, old.header.model_copy(update=header or {}), {**old.tensors, **tensors})
+    (path.parent / SEAL).unlink(missing_ok=True)
 
 
 def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import presence
 from bsg_models.evaluation.presence import PresenceHistograms, _bin_presence, select_cells
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction, Truth
 
 ROOMS, CLASSES = 60, 4
 WEIGHTS = np.random.default_rng(1).integers(0, 3, (7, 3)).astype(np.uint16)
@@ -48,7 +48,7 @@ def count(rooms: dict[str, np.ndarray]) -> PresenceHistograms:
     )
     found = cast(Expectation, SimpleNamespace(presence=rooms["presence"]))
     for rows in np.split(np.arange(ROOMS), [10, 10, 45]):
-        histograms.add(truth, found, rows, rooms["building"][rows])
+        histograms.add(Prediction(truth, found), rows, rooms["building"][rows])
     return histograms
 
 
@@ -59,9 +59,10 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
     digits: int, spread: float, exact: bool
 ) -> None:
     rooms = make_rooms(digits=digits, spread=spread)
-    ranks, off = count(rooms).ranks, 0.0
+    histograms, off = count(rooms), 0.0
     cells = np.broadcast_to(WEIGHTS[rooms["building"]].T[:, :, None], (3, ROOMS, CLASSES))
     for name, keep in select_cells(rooms["seen"], rooms["visited"]).items():
+        ranks = histograms.rank(name)
         for c in (None, *range(CLASSES)):
             some = keep if c is None else keep & (np.arange(CLASSES) == c)
             scores, truth = rooms["presence"][some], rooms["hidden"][some]
@@ -69,7 +70,7 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
                 mass = cells[w][some].astype(float)
                 bound = exact_ranks.bounds(_bin_presence(scores), truth, mass)
                 for (measure, reference), most in zip(MEASURES, bound, strict=True):
-                    found = getattr(ranks, measure)[name][0 if c is None else 1 + c, w]
+                    found = getattr(ranks, measure)[0 if c is None else 1 + c, w]
                     expected = reference(scores, truth, mass)
                     allowed = 1e-12 + (0 if exact else most)
                     assert found == pytest.approx(expected, abs=allowed, nan_ok=True)
@@ -96,4 +97,4 @@ def test_without_an_unvisited_room_there_is_nothing_to_measure() -> None:
     rooms = make_rooms(digits=2, spread=0.7) | {"visited": np.ones(ROOMS, dtype=bool)}
     histograms = count(rooms)
     assert histograms.nodes["unvisited"] == 0
-    assert np.isnan(histograms.ranks.auroc["unvisited"]).all()
+    assert np.isnan(histograms.rank("unvisited").auroc).all()

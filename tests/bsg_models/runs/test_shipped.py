@@ -27,11 +27,19 @@ from bsg_robot.graph.robot_json import read_robot_graph
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
+<<<<<<< HEAD
     "universal": "794583fca9dfb96359587ea2e9d52de9493feea48993af4a68899625f3750d8c",
     "universal-wide": "8938c31b04ab3d46c29556705721578333e2b44acda64fad481aa3931569872f",
     "mixture": "cad4566f23fafe2536e7545c100f3328c8031ae6d11354cb11153c206ab4ce2b",
     "ensemble": "7756b95ab0493f1d4d21625520a92ce32af29c246f8915e65ee76db80c4c4ebb",
     "open": "635c08edb1d8a077e0770876c7db538e04ef8a53689d31b1829fe13381316065",
+=======
+    "universal": "5fa6b779e8e535896716a6ee07773e7be15e88759a002c47c766ce97c46a501d",
+    "universal-wide": "0aa6506991d785d0c8fabd77d8bd205e60dd1cc09ba52402fa897d0571ae55a3",
+    "mixture": "f9d1f736fa63d9227b245ae764585f10eaac6a5a27dbab87bd5f2fd4319cb02d",
+    "ensemble": "31f2ffd09a31887c180933a8c7b61645bbe5d3546a8184e583317c685412ad6d",
+    "open": "0d380ce5fd76fc686e691fefe8670b8da00bcbcb82a6cae908d0c34bf568bba6",
+>>>>>>> wB
 }
 
 
@@ -70,17 +78,11 @@ def test_a_shipped_model_is_found_by_its_name(shipped: Path) -> None:
         find_shipped("universla")
 
 
-def test_a_changed_file_is_refused(shipped: Path) -> None:
-    (shipped / "other.md").write_text("another card")
-    with pytest.raises(CheckpointError, match=r"other\.md: is not what was shipped"):
-        read_shipped_card("other")
+def test_a_changed_model_is_refused(shipped: Path) -> None:
     whole = (shipped / "other.safetensors").read_bytes()
     (shipped / "other.safetensors").write_bytes(whole[:-1])
-    with pytest.raises(CheckpointError, match="install the package again"):
+    with pytest.raises(CheckpointError, match="train or install again"):
         Predictor("other")
-    (shipped / "other.safetensors").unlink()
-    with pytest.raises(CheckpointError, match="install the package again"):
-        find_shipped("other")
     assert Predictor().name == "universal"  # the default is another file
 
 

@@ -26,12 +26,12 @@ from bsg_data.scene.class_space import load_class_space
 from bsg_models.errors import CheckpointError, PredictionError
 from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
-from bsg_models.evaluation.verdict import HEADLINES
+from bsg_models.evaluation.verdict import HEADLINES, headline_rows, metric_rows
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel, Kind
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
-from bsg_models.studies.evaluation_report import _encode_comparison, headline_rows, metric_rows
+from bsg_models.studies.evaluation_report import _encode_comparison
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
@@ -103,13 +103,13 @@ def test_what_a_comparison_leaves(dataset: Path, run: Path) -> None:
     by_hand = {"value": nll.value, "low": None, "high": None, "nodes": nll.nodes}  # 1 building
     assert report["metrics"]["rooms/hidden_nll"][ours] == by_hand
     assert report["metrics"]["rooms/presence_brier/unvisited"][ours]["value"] is None
-    rows = headline_rows(compared)  # uniform masks leave no room unvisited
+    rows = headline_rows(compared.estimates)  # uniform masks leave no room unvisited
     names = (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"])
     assert [row[0] for row in rows] == [head_value(name) for name in names]
     assert {len(row) for row in rows} == {1 + len(models)}
-    every = {row[0]: row[1:] for row in metric_rows(compared)}
+    every = {row[0]: row[1:] for row in metric_rows(compared.estimates)}
     assert tuple(every) == list_values()
-    assert every["rooms/presence_brier/unvisited"][1:] == ["-"] * len(models)
+    assert every["rooms/presence_brier/unvisited"][1:] == ["–"] * len(models)
     assert every["rooms/hidden_nll"] == [str(nll.nodes), *rows[0][1:]]
 
 
