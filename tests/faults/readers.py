@@ -145,13 +145,6 @@ def _read_mesh(folder: Path, data: bytes) -> object:
     return survey_mesh(put(folder, ".glb", data), ["FFFFFF"])
 
 
-<<<<<<< HEAD
-=======
-def _read_predictions(folder: Path, data: bytes) -> object:
-    return read_predictions(put(folder, ".parquet", data))
-
-
->>>>>>> wB
 def _read_robot(folder: Path, data: bytes) -> object:
     return read_robot_graph(put(folder, "graph.json", data), class_map=load_map())
 

@@ -27,19 +27,11 @@ from bsg_robot.graph.robot_json import read_robot_graph
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-<<<<<<< HEAD
-    "universal": "794583fca9dfb96359587ea2e9d52de9493feea48993af4a68899625f3750d8c",
-    "universal-wide": "8938c31b04ab3d46c29556705721578333e2b44acda64fad481aa3931569872f",
-    "mixture": "cad4566f23fafe2536e7545c100f3328c8031ae6d11354cb11153c206ab4ce2b",
-    "ensemble": "7756b95ab0493f1d4d21625520a92ce32af29c246f8915e65ee76db80c4c4ebb",
-    "open": "635c08edb1d8a077e0770876c7db538e04ef8a53689d31b1829fe13381316065",
-=======
-    "universal": "5fa6b779e8e535896716a6ee07773e7be15e88759a002c47c766ce97c46a501d",
-    "universal-wide": "0aa6506991d785d0c8fabd77d8bd205e60dd1cc09ba52402fa897d0571ae55a3",
-    "mixture": "f9d1f736fa63d9227b245ae764585f10eaac6a5a27dbab87bd5f2fd4319cb02d",
-    "ensemble": "31f2ffd09a31887c180933a8c7b61645bbe5d3546a8184e583317c685412ad6d",
-    "open": "0d380ce5fd76fc686e691fefe8670b8da00bcbcb82a6cae908d0c34bf568bba6",
->>>>>>> wB
+    "universal": "d28c0f04ed0a7bd3b3c2adfd18ec9513bc0f78bce967f443b55c9b8cbe9504c2",
+    "universal-wide": "c283dec3024a0a299f6a474feab61333320ff5412103553811ef62056ab68ee3",
+    "mixture": "e9f9738c1ce26b0eb0f8f0df8752091ebea3aefb094700108ee6ccd744e74f11",
+    "ensemble": "ccc74cbe1d55cd8e0f2df22082908508bacfc9e35404aeed5f42510eb4c7208a",
+    "open": "dbf06b712211200fd4d5bab84cfdbb674db6cda96af7f4368c737d5ceefd7590",
 }
 
 
