@@ -24,7 +24,7 @@ from bsg_data.sources.room_words import RoomWords
 from bsg_data.words.shown import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import LOOK_CHANCE, PartialGraph
+from bsg_models.belief.partial_graph import LOOK_CHANCE
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import PLANNERS, AnyPlanner, find_planner
@@ -68,7 +68,6 @@ from bsg_robot.answers.ways import (
     cost_looks,
     list_lost,
     measure_ways,
-    place_of,
 )
 from bsg_robot.answers.weighed_graph import Sought
 from bsg_robot.answers.words import Meaning, find_room
@@ -160,8 +159,6 @@ class SeenBuilding(ToldBuilding):
     A thing is any word. A room is its id, or its label if no other room has it. A word that means
     no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
     """
-
-    _measured: tuple[PartialGraph, Costs | None, Ways] | None = None
 
     @overload
     def where(
@@ -549,12 +546,7 @@ class SeenBuilding(ToldBuilding):
         Raises:
             RecipeError: also if there are more rooms, or a cost is not 0 or more.
         """
-        known, costs = self._measured, dict(costs) if isinstance(costs, Mapping) else costs
-        if known is None or known[1] != costs or not _are_alike(known[0], self.graph):
-            known = self._measured = self.graph, costs, measure_ways(self.graph, costs)
-            for part in (known[2].edges, known[2].costs):
-                part.flags.writeable = False  # others are answered by it, too
-        return known[2]
+        return measure_ways(self.graph, costs)
 
     def _known_costs(self, here: str, costs: Costs | None) -> dict[int, float]:
         """Return the cost of the way from a room to each node, without ways that are guessed."""
@@ -616,12 +608,6 @@ class SeenBuilding(ToldBuilding):
             open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))
         found = weigh(beliefs, looks, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
-
-
-def _are_alike(one: PartialGraph, other: PartialGraph) -> bool:
-    """Return whether rooms are at the same places and connect in the same way."""
-    places = ([*map(place_of, graph.rooms)] for graph in (one, other))
-    return one.adjacency == other.adjacency and next(places) == next(places)
 
 
 def _list_words(things: str | Sequence[str]) -> list[str]:
