@@ -25,12 +25,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import lru_cache
+from typing import TypeVar
+
+from bsg_data.arrays import Floats
 
 USUAL_WAY = 4.2  # metres between rooms that connect: the mean of 688 in 50 layouts of HM3D
 USUAL_AREA = 12.0  # square metres of a room of unknown size: the median of 712 in these layouts
 ROOM, PIECE = 0.12, 0.16  # h of looks into a room, and at a piece of furniture
 _FIRST, _GROWTH = 3.1, 0.57
 _LEAST = 1.0  # metre: a robot stops to look
+_Numbers = TypeVar("_Numbers", float, Floats)
 
 
 def metres_of_look(area: float | None, *, share: float = 1.0) -> float:
@@ -63,6 +67,16 @@ def miss_all(chances: Iterable[float], *, overlooked: float = ROOM) -> float:
     if surest >= seen:
         return 1 - surest
     return overlooked + seen * math.prod(1 - chance / seen for chance in some)
+
+
+def doubt(likely: _Numbers, missed: _Numbers) -> _Numbers:
+    """Return P(a thing is there) after looks that did not find it, by Bayes' rule.
+
+    Args:
+        likely: P(it is there), before.
+        missed: P(the looks miss it, if it is there).
+    """
+    return likely * missed / (1 - likely + likely * missed)
 
 
 def overlooked_at(piece: str | None) -> float:

@@ -26,7 +26,7 @@ from bsg_models.search.looks import look_again, miss_all, overlooked_at
 from bsg_models.search.planners import next_room_by
 from bsg_models.search.plans import plan_search, split_plan
 from bsg_models.search.problem import LEAST_FIND, SearchProblem, pose_search
-from bsg_robot.answers.missed_looks import Chances
+from bsg_robot.answers.evidence import Chances
 from bsg_robot.answers.thing_belief import ThingBelief
 
 _LOOKS = 3  # into a place, that a plan may have; one if a look misses nothing

@@ -18,7 +18,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.partial_graph import PartialGraph, SeenObject
 from bsg_models.search.knowledge import find_costs
 from bsg_robot.answers.decision import Decision, found_by
-from bsg_robot.answers.missed_looks import Chances, missed_by
+from bsg_robot.answers.evidence import Chances, missed_by
 from bsg_robot.answers.thing_belief import ThingBelief
 from bsg_robot.answers.ways import Ways, measure_lines, place_of
 from bsg_robot.things.pieces import Furniture

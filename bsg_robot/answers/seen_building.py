@@ -57,6 +57,7 @@ from bsg_robot.answers.place import (
     RoomKind,
     Step,
 )
+from bsg_robot.answers.posterior import Sought
 from bsg_robot.answers.thing_belief import ThingBelief
 from bsg_robot.answers.told_building import ToldBuilding, alone
 from bsg_robot.answers.ways import (
@@ -69,7 +70,6 @@ from bsg_robot.answers.ways import (
     list_lost,
     measure_ways,
 )
-from bsg_robot.answers.weighed_graph import Sought
 from bsg_robot.answers.words import Meaning, find_room
 from bsg_robot.graph.graph_file import open_graph_file, parse_graph
 from bsg_robot.graph.reports import reclassify

@@ -37,9 +37,10 @@ from bsg_models.belief.partial_graph import (
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.evidence import weigh_evidence
 from bsg_robot.answers.notes import note_graph, note_words
 from bsg_robot.answers.place import EXPLORE
-from bsg_robot.answers.weighed_graph import WeighedGraph, weigh_looks
+from bsg_robot.answers.posterior import Posterior
 from bsg_robot.answers.words import find_room, require_word
 from bsg_robot.graph import memory, reports
 from bsg_robot.graph.robot_json import list_unmapped, room_reader, understand_rooms
@@ -96,7 +97,7 @@ class ToldBuilding:
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
         self._opened = graph.now  # what time it was
         self._named = 0  # the highest number of an id that was given
-        self._weighed: WeighedGraph | None = None
+        self._weighed: Posterior | None = None
         self._take(reports.let_go(understand_rooms(graph)))
 
     @property
@@ -105,10 +106,10 @@ class ToldBuilding:
         return self._said
 
     @property
-    def _now(self) -> WeighedGraph:
+    def _now(self) -> Posterior:
         """The graph as looks leave it, weighed when it is asked for."""
         if self._weighed is None or self._weighed.said is not self._said:
-            self._weighed = WeighedGraph(self._said, self._words, before=self._weighed)
+            self._weighed = Posterior(self._said, self._words, before=self._weighed)
         return self._weighed
 
     @property
@@ -273,7 +274,7 @@ class ToldBuilding:
         rooms = {obj.room_index for obj in known}
         objects = tuple(obj for obj in graph.objects if obj.room_index in rooms)
         looks = tuple(look for look in graph.looks if look.room_index in rooms)
-        _, left = weigh_looks(replace(graph, objects=objects, looks=looks), self._words)
+        _, left = weigh_evidence(replace(graph, objects=objects, looks=looks), self._words)
         still = {obj.name: obj.probability for obj in left.objects}
         return {obj.name: still.get(obj.name, 0.0) for obj in known}
 

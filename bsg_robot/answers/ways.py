@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.words.shown import SHOWN, show_value
@@ -111,9 +111,10 @@ def _shorten(edges: Floats, certain: Floats, given: GivenCosts, *, is_joined: bo
     costs = find_costs(edges)
     if given:
         least = find_costs(certain)
-        a, b = np.array([ends for ends, _ in given]).T if is_joined else np.indices(edges.shape)
-        known = np.isfinite(least[a, b])
-        a, b = a[known], b[known]
+        ends: Ints = np.argwhere(np.isfinite(least))
+        if is_joined:
+            ends = np.array([pair for pair, _ in given if np.isfinite(least[pair])], ends.dtype)
+        a, b = ends.reshape(-1, 2).T
         costs[a, b] = costs[b, a] = least[a, b]
     return costs
 

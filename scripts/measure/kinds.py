@@ -30,7 +30,7 @@ from bsg_data.scene.room_label import label_of
 from bsg_models import Predictor
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_robot import SeenBuilding, open_graph
-from bsg_robot.answers import weighed_graph
+from bsg_robot.answers import posterior
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import infer_kinds
 from bsg_robot.answers.usual_places import OF_HOMES
@@ -217,7 +217,7 @@ def report_scale(homes: Sequence[tuple[dict[str, object], Bools]], model: str) -
     """Return what weights of the rate of homes do to answers, and the weight that is ours."""
     predictor, rows = Predictor(model), []
     for weight in _WEIGHTS:
-        with patch.object(weighed_graph, "OF_HOMES", weight):
+        with patch.object(posterior, "OF_HOMES", weight):
             rows.append([f"{weight:g}", *_judge_homes(homes, predictor)])
     reading = (
         f"{len(homes)} homes of REFIT, labels told, nobody inside; {len(_SURVEYED)} classes. "

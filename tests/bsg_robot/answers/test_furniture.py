@@ -11,15 +11,13 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_models.belief.partial_graph import KnownRoom, Look, SeenObject
+from bsg_models.belief.partial_graph import KnownRoom, SeenObject
 from bsg_models.search.looks import PIECE, miss_all
-from bsg_robot.answers import missed_looks
 from bsg_robot.answers.decision import plan_looks
 from bsg_robot.answers.destinations import list_spots
-from bsg_robot.answers.missed_looks import MissedLook, doubt_objects
 from bsg_robot.answers.place import NOT_SEEN, Destination, Piece
+from bsg_robot.answers.posterior import Posterior
 from bsg_robot.answers.seen_building import SeenBuilding, open_graph
-from bsg_robot.answers.weighed_graph import WeighedGraph
 from bsg_robot.errors import BeliefFileError
 from bsg_robot.graph.document import decode_belief, encode_belief, to_networkx
 from bsg_robot.graph.formats import read_belief, write_belief
@@ -355,38 +353,11 @@ def test_things_that_were_seen_are_gone_through_once_for_all_pieces_of_a_room() 
     assert Counted.times == 1
 
 
-def test_looks_are_weighed_once_for_each_word_that_was_seen(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    furnished, asked = [], []
-    furnish_ = missed_looks.furnish
-    monkeypatch.setattr(
-        missed_looks, "furnish", lambda *a, **k: furnished.append(a) or furnish_(*a, **k)
-    )
-    words = ["table"] * 50 + ["mug"] * 50
-    objects = [
-        {"id": str(n), "room": "k", "category": word, "score": 0.9} for n, word in enumerate(words)
-    ]
-    seen = open_graph({"rooms": [{"id": "k"}], "objects": objects})
-    meaning = seen.understand("mug")
-    look = MissedLook(Look(1, "mug", 0.8, "1"), meaning)
-    left = doubt_objects(
-        seen.graph,
-        [look],
-        names=lambda _: lambda w: asked.append(w) or w == "mug",
-        stayed=lambda _: 1.0,
-    )
-    assert (len(furnished), sorted(asked)) == (1, ["mug", "table"])
-    scores = {obj.raw_category: obj.score for obj in left.objects}
-    assert scores["table"] == 0.9
-    assert 0.5 < (scores["mug"] or 0) < 0.9
-
-
 def test_a_question_looks_a_thing_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    look_up = WeighedGraph._look_up
+    look_up = Posterior._look_up
     monkeypatch.setattr(
-        WeighedGraph,
+        Posterior,
         "_look_up",
         lambda self, meaning: asked.append(meaning.word) or look_up(self, meaning),
     )

@@ -677,7 +677,7 @@ def test_what_is_forgotten_of_earlier_questions_is_found_again(
     seen: SeenBuilding, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = [seen.where(word) for word in ("mug", "sink")]
-    monkeypatch.setattr("bsg_robot.answers.weighed_graph._MOST_SOUGHT", 1)
+    monkeypatch.setattr("bsg_robot.answers.posterior._MOST_SOUGHT", 1)
     seen.where("towel")
     assert [seen.where(word) for word in ("mug", "sink")] == before
 

@@ -1,33 +1,32 @@
-"""A robot's graph in which looks that missed are weighed, and what is believed of it."""
+"""What is believed of a building, by all that a robot has said of it."""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_models.belief.clock import HOUR, has_stayed
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, Remembered, SeenObject
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.habits import Usual, has_rested
+from bsg_robot.answers.evidence import (
+    TRUSTED,
+    Chances,
+    missed_by,
+    remember_stays,
+    sum_looks,
+    weigh_evidence,
+)
+from bsg_robot.answers.habits import Usual
 from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
-from bsg_robot.answers.missed_looks import (
-    TRUSTED,
-    Chances,
-    MissedLook,
-    doubt_objects,
-    missed_by,
-    sum_looks,
-)
 from bsg_robot.answers.nouns import read_nouns
 from bsg_robot.answers.place import NOT_SEEN, Piece
 from bsg_robot.answers.thing_belief import (
@@ -58,7 +57,6 @@ from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, fu
 from bsg_robot.things.things import Thing, find_thing, list_narrower
 
 _SURELY = 1 - 1e-9
-_STAYED = 0.99  # P(a thing is where it was just seen) that nobody doubts
 _SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
 _TINY = 1e-12  # a smaller number is not divided by
 _LEAST = 0.05  # hidden share of a room that was searched some time ago, as models read it
@@ -81,8 +79,8 @@ class Sought:
     looks: Mapping[int, Chances]  # for it, by node
 
 
-class WeighedGraph:
-    """What a robot has said of a building, as looks leave it; nothing of it changes.
+class Posterior:
+    """What is believed of a building after all that a robot has said; nothing of it changes.
 
     Attributes:
         said: the graph as the robot said it.
@@ -92,11 +90,11 @@ class WeighedGraph:
     """
 
     def __init__(
-        self, said: PartialGraph, words: Dictionary, *, before: WeighedGraph | None = None
+        self, said: PartialGraph, words: Dictionary, *, before: Posterior | None = None
     ) -> None:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
         self.said, self._words = said, words
-        self.looks, left = weigh_looks(said, words)
+        self.looks, left = weigh_evidence(said, words)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
             (one.room_index, one.raw_category, one.category, one.class_index)
@@ -125,7 +123,6 @@ class WeighedGraph:
         if before is not None:
             same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
             self._pieces = {node: before._pieces[node] for node in same}
-        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self._heard}
         self._sought: dict[str, Sought] = {}
         self._usual: dict[str, Usual | None] = {}
 
@@ -134,26 +131,21 @@ class WeighedGraph:
         """Number of nodes: the building, its rooms, and those that are not found yet."""
         return 1 + len(self.whole.rooms)
 
-    def believe(self, asked: Asked) -> tuple[PartialGraph, Expectation]:
-        """Return the whole graph as a model reads it, and what it believes."""
-        if asked not in self._read:
-            self._read[asked] = reclassify(self._heard, self._words.class_map(asked))
-        graph = self._read[asked]
-        return graph, self._ask(asked).every
-
     def _ask(self, asked: Asked) -> Apart:
         """Return what a model believes, of known rooms and of the others."""
         if asked not in self._asked:
-            model, graph = self._words.model(asked), self._read[asked]
-            self._asked[asked] = expect_apart(graph, self.kinds.known, model)
+            graph = self._heard
+            if asked != Asked.OWN:
+                graph = reclassify(graph, self._words.class_map(asked))
+            self._asked[asked] = expect_apart(graph, self.kinds.known, self._words.model(asked))
         return self._asked[asked]
 
     def _find(self, *columns: int) -> CountDistribution:
         """Return what a person would find of A classes, by the model and the table, `[N, A]`."""
         if columns not in self._found:
-            graph, belief = self.believe(Asked.OWN)
+            asked = self._ask(Asked.OWN).take_classes(np.array(columns))
             classes = find_things(tuple(self._words.own.classes[column] for column in columns))
-            rates = rate_things(classes.things, self.kinds, graph)
+            rates = rate_things(classes.things, self.kinds, self._heard)
             own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
             least, homes = np.zeros((2, self.nodes, len(columns)))
             homes[:, classes.own] = own.T
@@ -161,9 +153,8 @@ class WeighedGraph:
             parts[:, 0] = parts[:, 1:].sum(axis=1)
             np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
             weight = np.zeros(len(columns))
-            is_new = belief.inputs[:, columns].sum(axis=0) == 0  # few know how many have a second
+            is_new = asked.every.inputs.sum(axis=0) == 0  # few know how many have a second
             weight[classes.own] = OF_HOMES * is_new[classes.own]
-            asked = self._ask(Asked.OWN).take_classes(np.array(columns))
             self._found[columns] = lift(asked, homes, weight=weight, least=least)
         return self._grow_old(self._found[columns], columns)
 
@@ -193,9 +184,8 @@ class WeighedGraph:
 
     @cached_property
     def _counted(self) -> Expectation:
-        belief = self.believe(Asked.OWN)[1]
         found = self._find(*range(len(self._words.own.classes)))
-        return replace(belief, hidden_counts=count_rooms(found))
+        return replace(self._ask(Asked.OWN).every, hidden_counts=count_rooms(found))
 
     def expectation(self) -> Expectation:
         """Return what is believed of the nodes that the robot said, by the building's model."""
@@ -224,21 +214,28 @@ class WeighedGraph:
         return found
 
     def _look_up(self, meaning: Meaning) -> ThingBelief:
+        """Return what is believed of a thing, after looks and with what this home has taught."""
         hidden, none = self._expect_hidden(meaning)
-        if (usual := self.find_usual(meaning, hidden)) is not None:
-            hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
-        seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
-        for obj in self._list_found(meaning):
-            # Where it was is one of the places of what may have moved.
-            is_old = usual is not None and obj.name in usual.names
-            seen[obj.room_index].append(replace(obj, score=0.0) if is_old else obj)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
-        new = np.ones(self.nodes)
+        usual, new = self.find_usual(meaning, hidden), np.ones(self.nodes)
         if usual is not None:
+            hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
             searched &= usual.none == 1
             new = (1 - usual.new) / (1 - usual.none).clip(min=_TINY)
-        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched, new)
-        return held.after(1 - self._overlook(meaning))
+        seen = self._list_seen(meaning, usual.names if usual else ())
+        return ThingBelief(seen, hidden, none, searched, new).after(1 - self._overlook(meaning))
+
+    def _list_seen(
+        self, meaning: Meaning, moved: Collection[str]
+    ) -> tuple[tuple[SeenObject, ...], ...]:
+        """Return the objects of each node that are such things.
+
+        Of those that may have `moved`, it is one of their places, and counted there.
+        """
+        seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
+        for obj in self._list_found(meaning):
+            seen[obj.room_index].append(replace(obj, score=0.0) if obj.name in moved else obj)
+        return tuple(map(tuple, seen))
 
     def _hidden_now(self, meaning: Meaning) -> Floats:
         """Return the share of such things of each room that is not seen, `[R]`."""
@@ -307,7 +304,7 @@ class WeighedGraph:
             return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         judged = counted = None
         if meaning.noun is not None:
-            judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
+            judged = believe_noun(meaning.noun, self._ask(self._words.judge).every, read_nouns())
         if meaning.class_index is not None:
             counted = believe_class(self._find(meaning.class_index))
             if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
@@ -351,7 +348,7 @@ class WeighedGraph:
 
     def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
-        belief = self.believe(Asked.OWN)[1]
+        belief = self._ask(Asked.OWN).every
         room = self.whole.rooms[node - 1]
         if room.time is not None:
             room = replace(room, hidden_share=float(self._hidden_now(meaning)[node - 1]))
@@ -437,46 +434,6 @@ class WeighedGraph:
     def _score(self, obj: SeenObject) -> float | None:
         """Return the score that looks leave of an object, without what time does."""
         return None if obj.score is None else min(1.0, obj.score / self._stayed(obj))
-
-
-def weigh_looks(
-    said: PartialGraph, words: Dictionary
-) -> tuple[tuple[MissedLook, ...], PartialGraph]:
-    """Return the looks of which the thing is known, and the graph, as looks and time leave both."""
-    stays = words.staying(said.stays)
-
-    def fade(look: Look) -> Look:
-        stayed = has_stayed(look.time, said.now, stays(look.thing))
-        return replace(look, chance=look.chance * stayed)
-
-    looks = tuple(
-        MissedLook(fade(one), meaning)
-        for one in said.looks
-        if (meaning := words.look_up(one.thing))
-    )
-    stayed = remember_stays(said, words)
-    return looks, doubt_objects(said, looks, names=words.names, stayed=stayed)
-
-
-def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObject], float]:
-    """Return object → P(it is where it was seen), by what this home remembers of it."""
-    return partial(_has_stayed, graph, words, {one.name: one for one in graph.memory})
-
-
-def _has_stayed(
-    graph: PartialGraph, words: Dictionary, memory: Mapping[str, Remembered], obj: SeenObject
-) -> float:
-    """Return P(an object is where it was seen)."""
-    if obj.time is None or graph.now is None:
-        return 1.0
-    said = obj.stays or graph.stays
-    stays = words.staying(said)(obj.raw_category)
-    stayed = has_stayed(obj.time, graph.now, stays)
-    if said is None:
-        known, here = memory.get(obj.name), (obj.room_index, obj.on)
-        elsewhere = sum(one[1:] != here for one in known.sightings) if known else 0
-        stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)
-    return stayed if stayed < _STAYED else 1.0
 
 
 def _age(graph: PartialGraph) -> PartialGraph:
