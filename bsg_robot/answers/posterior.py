@@ -120,9 +120,6 @@ class Posterior:
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)
         for obj in self.whole.objects:
             self._objects[obj.room_index].append(obj)
-        if before is not None:
-            same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
-            self._pieces = {node: before._pieces[node] for node in same}
         self._sought: dict[str, Sought] = {}
         self._usual: dict[str, Usual | None] = {}
 

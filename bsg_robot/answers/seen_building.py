@@ -30,14 +30,7 @@ from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import PLANNERS, AnyPlanner, find_planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.planners import require_task
-from bsg_models.search.problem import SearchProblem
-from bsg_robot.answers.decision import (
-    Decision,
-    choose_likeliest,
-    choose_room,
-    plan_looks,
-    weigh,
-)
+from bsg_robot.answers.decision import Decision, Plan, weigh
 from bsg_robot.answers.destinations import (
     LOOK_AT,
     is_there,
@@ -58,8 +51,8 @@ from bsg_robot.answers.place import (
     Step,
 )
 from bsg_robot.answers.posterior import Sought
+from bsg_robot.answers.robot_map import RobotMap, alone
 from bsg_robot.answers.thing_belief import ThingBelief
-from bsg_robot.answers.told_building import ToldBuilding, alone
 from bsg_robot.answers.ways import (
     AnyLook,
     Costs,
@@ -136,19 +129,7 @@ class _Search(NamedTuple):
         return self.budget * self.speed * ways.metre
 
 
-class _Plan(NamedTuple):
-    """A plan of some robots, and what it was made of."""
-
-    decision: Decision
-    beliefs: Sequence[ThingBelief]
-    problem: SearchProblem
-    ways: Ways
-    costs: Floats  # `[N]` of a look
-    looks: Sequence[Sequence[int]]  # of each robot, by their numbers in the problem
-    nodes: Sequence[Sequence[int]]  # the same, by their rooms
-
-
-class SeenBuilding(ToldBuilding):
+class SeenBuilding(RobotMap):
     """What a robot has seen of one building; the robot reports to it and asks it.
 
     Reports change this object: `saw`, `gone`, `looked`, `entered`, `searched`, `discovered`,
@@ -162,25 +143,11 @@ class SeenBuilding(ToldBuilding):
 
     @overload
     def where(
-        self,
-        thing: str,
-        *,
-        here: str | None = None,
-        costs: Costs | None = None,
-        within: None = None,
-        tidy: float = TIDY,
+        self, thing: str, *, here: str | None = ..., costs: Costs | None = ..., tidy: float = ...
     ) -> tuple[Place, ...]: ...
 
     @overload
-    def where(
-        self,
-        thing: str,
-        *,
-        here: str | None = None,
-        costs: Costs | None = None,
-        within: str,
-        tidy: float = TIDY,
-    ) -> tuple[Piece, ...]: ...
+    def where(self, thing: str, *, within: str, tidy: float = ...) -> tuple[Piece, ...]: ...
 
     def where(
         self,
@@ -349,8 +316,7 @@ class SeenBuilding(ToldBuilding):
         chosen, search = find_planner(planner), _Search(costs, look, chance, task, budget, speed)
         search.check()
         if here is not None and chosen == PLANNERS["expected-cost"]:
-            nodes = self._plan(things, [here], search).nodes[0]
-            return self._name(nodes[0]) if nodes else None
+            return self._first(self._plan(things, [here], search)[0].places[0])
         if budget is not None:
             raise RecipeError(
                 "budget: needs `here`, the robot's room, and the planner expected-cost",
@@ -359,12 +325,11 @@ class SeenBuilding(ToldBuilding):
         if here is None:
             if costs is not None or look is not None:
                 self._cost(costs, look)  # what is said must be right, though it does not count
-            node = choose_likeliest(self._weigh(things, [], None, chance, task)[0])
+            node = self._weigh(things, [], None, chance, task)[0].choose_likeliest()
         else:
-            start = find_room(self.graph, here)
-            ways, looks = self._cost(costs, look)
+            start, (ways, looks) = find_room(self.graph, here), self._cost(costs, look)
             decision, _ = self._weigh(things, [start], ways, chance, task)
-            node = choose_room(decision, ways.costs, looks, here=start, planner=chosen)
+            node = decision.choose(ways.costs, looks, here=start, planner=chosen)
         return None if node is None else self._name(node)
 
     @alone
@@ -405,16 +370,12 @@ class SeenBuilding(ToldBuilding):
         rooms, (belief,) = self._weigh(thing, [start], ways, chance, "single")
         spots, place = keep_likeliest(self._now.list_places(sought), belief, here=start, at=piece)
         each = [looks[spot.node] if spot.piece is None else look_at for spot in spots]
-        _, place_of_look, (plan,) = plan_looks(
-            weigh_spots(spots, belief, rooms, chance=chance),
-            measure_spots(spots, self.graph, ways, said=costs is not None),
-            np.array(each),
-            here=[place],
-        )
-        if not plan:
+        between = measure_spots(spots, self.graph, ways, said=costs is not None)
+        decision = weigh_spots(spots, belief, rooms, chance=chance)
+        (order,) = decision.plan(between, np.array(each), here=[place]).places
+        if not order:
             return None
-        chosen = spots[place_of_look[plan[0]]]
-        return Destination(self._name(chosen.node), chosen.name)
+        return Destination(self._name(spots[order[0]].node), spots[order[0]].name)
 
     @alone
     def next_rooms(
@@ -453,11 +414,8 @@ class SeenBuilding(ToldBuilding):
                 code="robots-none",
             )
         search = _Search(costs, look, chance, task, budget, speed)
-        plan = self._plan(things, [*robots.values()], search)
-        return {
-            robot: self._name(nodes[0]) if nodes else None
-            for robot, nodes in zip(robots, plan.nodes, strict=True)
-        }
+        plan = self._plan(things, [*robots.values()], search)[0]
+        return {robot: self._first(n) for robot, n in zip(robots, plan.places, strict=True)}
 
     @alone
     def explain(
@@ -477,15 +435,17 @@ class SeenBuilding(ToldBuilding):
         Arguments are those of `next_room`. A room comes again where a second look is worth it.
         Several rooms in a row that are not found yet are one step.
         """
-        plan = self._plan(things, [here], _Search(costs, look, chance, task, budget, speed))
-        (nodes,), (looks,) = plan.nodes, plan.looks
-        found = plan.problem.found(looks)
-        sought = [plan.beliefs[number].probability for number in plan.decision.things]
-        likely = 1 - np.prod([1 - one for one in sought], axis=0)
+        search = _Search(costs, look, chance, task, budget, speed)
+        plan, decision, beliefs = self._plan(things, [here], search)
+        (ways, costs_of_looks), (nodes,) = self._cost(costs, look), plan.places
+        found = plan.problem.found(plan.looks[0])
+        sought = [beliefs[number].probability for number in decision.things]
+        likely = 1 - np.prod([1 - probability for probability in sought], axis=0)
         steps: list[Step] = []
         spent, at = 0.0, find_room(self.graph, here)
         for number, node in enumerate(nodes):
-            way, cost = float(plan.ways.costs[at, node]), float(plan.costs[node])
+            way = float(ways.costs[at, node])
+            cost = 0.0 if decision.is_known else float(costs_of_looks[node])
             spent, at = spent + way + cost, node
             step = Step(
                 room=self._name(node),
@@ -495,7 +455,7 @@ class SeenBuilding(ToldBuilding):
                 look=cost,
                 found=float(found[number].prod()),
                 any_found=float(1 - (1 - found[number]).prod()),
-                seconds=None if speed is None else spent / plan.ways.metre / speed,
+                seconds=None if speed is None else spent / ways.metre / speed,
             )
             if steps and step.room == EXPLORE == steps[-1].room:
                 step = _join(steps.pop(), step)
@@ -574,17 +534,19 @@ class SeenBuilding(ToldBuilding):
         every = np.concatenate([looks[:-1], np.repeat(looks[-1], more)])
         return add_places(ways, more) if more else ways, every
 
-    def _plan(self, things: str | Sequence[str], robots: Sequence[str], search: _Search) -> _Plan:
-        """Return the plan of some robots, by their rooms."""
+    def _first(self, nodes: Sequence[int]) -> str | None:
+        return self._name(nodes[0]) if nodes else None
+
+    def _plan(
+        self, things: str | Sequence[str], robots: Sequence[str], search: _Search
+    ) -> tuple[Plan, Decision, list[ThingBelief]]:
+        """Return the plan of some robots, by their rooms, and what it was made of."""
         search.check()
         here = [find_room(self.graph, room) for room in robots]
         ways, looks = self._cost(search.costs, search.look)
-        budget = search.spend(ways)
         decision, beliefs = self._weigh(things, here, ways, search.chance, search.task)
-        problem, place, plans = plan_looks(decision, ways.costs, looks, here=here, budget=budget)
-        nodes = [[int(place[one]) for one in plan] for plan in plans]
-        each = np.zeros_like(looks) if decision.is_known else looks
-        return _Plan(decision, beliefs, problem, ways, each, plans, nodes)
+        plan = decision.plan(ways.costs, looks, here=here, budget=search.spend(ways))
+        return plan, decision, beliefs
 
     def _weigh(
         self,

@@ -13,8 +13,8 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_models.belief.partial_graph import KnownRoom, SeenObject
 from bsg_models.search.looks import PIECE, miss_all
-from bsg_robot.answers.decision import plan_looks
-from bsg_robot.answers.destinations import list_spots
+from bsg_robot.answers.decision import Decision
+from bsg_robot.answers.destinations import list_spots, weigh_spots
 from bsg_robot.answers.place import NOT_SEEN, Destination, Piece
 from bsg_robot.answers.posterior import Posterior
 from bsg_robot.answers.seen_building import SeenBuilding, open_graph
@@ -259,11 +259,12 @@ def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
     ]
     weighed: list[int] = []
 
-    def note(decision: Any, *rest: Any, **more: Any) -> Any:
+    def note(*args: Any, **options: Any) -> Decision:
+        decision = weigh_spots(*args, **options)
         weighed.append(decision.finds.shape[1])
-        return plan_looks(decision, *rest, **more)
+        return decision
 
-    monkeypatch.setattr("bsg_robot.answers.seen_building.plan_looks", note)
+    monkeypatch.setattr("bsg_robot.answers.seen_building.weigh_spots", note)
     seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
     assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
     assert weighed == [60 + 100 + 1], "the rests, the pieces, and the bin"
