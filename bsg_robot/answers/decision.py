@@ -104,8 +104,9 @@ class Decision:
         # Nobody sends two robots into one room; and who looks for all looks everywhere once.
         again = self.task == "single" and len(here) == 1
         looks = self.finds if again else self.finds[:1]
+        rows = np.array([*places, *here], dtype=np.int64)
         problem, place = pose_search(
-            costs[np.ix_([*places, *here], places)][None],
+            costs[np.ix_(rows, places)][None],
             (looks * self.scale)[:, places].clip(LEAST_FIND, 1.0)[None],
             look=0.0 if self.is_known else look[places][None],
             single=self.task == "single",

@@ -10,7 +10,7 @@ from datetime import datetime
 from functools import partial, wraps
 from itertools import count
 from threading import RLock
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
@@ -543,12 +543,8 @@ class RobotMap:
         """
         graph, index = self.graph, find_room(self.graph, room)
         before, neighbours = graph.rooms[index - 1], self._find_rooms(beside)
-        facts = {
-            "room_type": room_type,
-            "label": label,
-            "position": position,
-            "floor_area": floor_area,
-        }
+        facts: dict[str, Any] = {"room_type": room_type, "label": label}
+        facts |= {"position": position, "floor_area": floor_area}
         said = {name: fact for name, fact in facts.items() if fact is not None}
         known = check_report(replace(before, **said))
         if room_type is not None:
