@@ -49,7 +49,7 @@ _STEPS = {"train": "run", "measure": "model"}  # step of the work → its unit
 @number_option("--draws", "Masks per building.", default=5)
 @out_option("Folder of the results.  [default: leaderboard]")
 @workers_option
-@seed_option()
+@seed_option
 @number_option("--seeds", "Number of seeds that train each model, from --seed on.", default=1)
 @force_option
 def main(

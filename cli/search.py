@@ -126,7 +126,7 @@ def _read_look(value: str) -> float | str:
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
 @workers_option
-@seed_option()
+@seed_option
 @force_option
 @json_option
 def main(
