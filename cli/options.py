@@ -12,7 +12,6 @@ from click.core import ParameterSource
 
 import bsg_data
 from bsg_cli.choices import complete_class_map, complete_model
-from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
@@ -38,11 +37,8 @@ class RegistryChoice(click.Choice[str]):
         return self._registry.names()
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or refuse it and list the nearest and all known names."""
-        try:
-            self._registry.require([value])
-        except RecipeError as error:
-            self.fail(str(error), param, ctx)
+        """Return the name; an unknown one is refused with the nearest, and all known names."""
+        self._registry.require([value])
         return str(value)
 
 

@@ -125,11 +125,6 @@ def test_a_typo_gets_the_nearest_name(words: tuple[str, ...], hint: str) -> None
     assert hint in result.output
 
 
-def test_commands_are_named_as_they_are_installed() -> None:
-    assert {name: command.name for name, command in COMMANDS.items()} == {n: n for n in COMMANDS}
-    assert all(isinstance(command, click.Command) for command in COMMANDS.values())
-
-
 @pytest.mark.parametrize(
     ("text", "classes"),
     [
