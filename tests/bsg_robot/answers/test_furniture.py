@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,7 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_models.belief.partial_graph import KnownRoom, SeenObject
 from bsg_models.search.looks import PIECE, miss_all
-from bsg_robot.answers.decision import Decision
-from bsg_robot.answers.destinations import list_spots, weigh_spots
 from bsg_robot.answers.place import NOT_SEEN, Destination, Piece
-from bsg_robot.answers.posterior import Posterior
 from bsg_robot.answers.seen_building import SeenBuilding, open_graph
 from bsg_robot.errors import BeliefFileError
 from bsg_robot.graph.document import decode_belief, encode_belief, to_networkx
@@ -248,28 +244,6 @@ def test_furniture_in_other_words_is_furniture() -> None:
         seen.looked("kitchen", "mug", at="spoon")
 
 
-def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    rooms = [{"id": f"r{n}", "room_type": "office", "position": [n, 0, 0]} for n in range(60)]
-    objects = [
-        {"id": f"{n} {k}", "room": f"r{n}", "category": word, "position": [n, k, 0]}
-        for n in range(60)
-        for k, word in enumerate(("desk", "garbage bin", "shelf", "chair"))
-    ]
-    weighed: list[int] = []
-
-    def note(*args: Any, **options: Any) -> Decision:
-        decision = weigh_spots(*args, **options)
-        weighed.append(decision.finds.shape[1])
-        return decision
-
-    monkeypatch.setattr("bsg_robot.answers.seen_building.weigh_spots", note)
-    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
-    assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
-    assert weighed == [60 + 100 + 1], "the rests, the pieces, and the bin"
-
-
 def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() -> None:
     seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": []})
     before = seen.where("cup")[0].probability
@@ -313,60 +287,12 @@ def test_blind_nodes_are_on_their_likeliest_piece_and_are_written_and_read(tmp_p
         decode_belief(document, path=Path("x"))
 
 
-def test_every_object_below_another_is_followed_once() -> None:
-    """In a pile of n things, on a table or on nothing, `on` is read n times."""
-
-    class Counted(SeenObject):
-        reads = 0
-
-        def __getattribute__(self, name: str) -> Any:
-            Counted.reads += name == "on"
-            return super().__getattribute__(name)
-
-    for below in ("table", None):
-        pile = [
-            Counted(str(n), 1, "cup", None, None, on=str(n + 1) if n < 99 else below)
-            for n in range(100)
-        ]
-        Counted.reads = 0
-        found = find_pieces([*pile, SeenObject("table", 1, "table", None, None)])
-        assert Counted.reads <= 2 * len(pile)
-        assert found.on == ({} if below is None else dict.fromkeys(map(str, range(100)), "table"))
-
-
-def test_things_that_were_seen_are_gone_through_once_for_all_pieces_of_a_room() -> None:
-    class Counted(list[SeenObject]):
-        times = 0
-
-        def __iter__(self) -> Iterator[SeenObject]:
-            Counted.times += 1
-            return super().__iter__()
-
-    tables = [SeenObject(f"t{n}", 1, "table", None, None) for n in range(9)]
-    mugs = Counted(SeenObject(f"m{n}", 1, "mug", None, None, on=f"t{n}") for n in range(9))
-    seen = find_pieces([*tables, *mugs])
-    Counted.times = 0
-    room = KnownRoom("k", hidden_share=0.5)
-    furniture = furnish("mug", room, seen, classes=(), unseen=np.zeros(0))
-    assert furniture is not None
-    spots = list_spots(furniture, mugs, node=1, on=seen.on, looked={})
-    assert [spot.seen for spot in spots] == [*((f"m{n}",) for n in range(9)), ()]
-    assert Counted.times == 1
-
-
-def test_a_question_looks_a_thing_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-    look_up = Posterior._look_up
-    monkeypatch.setattr(
-        Posterior,
-        "_look_up",
-        lambda self, meaning: asked.append(meaning.word) or look_up(self, meaning),
-    )
-    seen = flat()
-    seen.where("mug", here="kitchen")
-    seen.anywhere("mug")
-    seen.next_place("mug", here="kitchen")
-    assert asked == ["mug"]
-    seen.looked("kitchen", "mug")
-    seen.anywhere("mug")
-    assert asked == ["mug", "mug"]
+def test_of_hundreds_of_pieces_that_of_the_robot_is_weighed_too() -> None:
+    rooms = [{"id": f"r{n}", "room_type": "office", "position": [n, 0, 0]} for n in range(60)]
+    objects = [
+        {"id": f"{n} {k}", "room": f"r{n}", "category": word, "position": [n, k, 0]}
+        for n in range(60)
+        for k, word in enumerate(("desk", "garbage bin", "shelf", "chair"))
+    ]
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
+    assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
