@@ -105,16 +105,18 @@ def open_graph(
 class _Search(NamedTuple):
     """How a robot searches: see `SeenBuilding.next_room`."""
 
-    costs: Costs | None
-    look: AnyLook | None
-    chance: float
-    task: Task
-    budget: float | None
-    speed: float | None
+    costs: Costs | None = None
+    look: AnyLook | None = None
+    chance: float = LOOK_CHANCE
+    task: Task = "single"
+    budget: float | None = None
+    speed: float | None = None
 
     def check(self) -> None:
-        """Refuse what is no task, budget or speed."""
+        """Refuse what is no task, chance, budget or speed."""
         require_task(self.task)
+        if not read_number("chance", self.chance, most=1.0):
+            raise RecipeError("chance: expected above 0, found 0", code="chance-zero")
         if self.budget is not None:
             read_number("budget", self.budget, most=_MOST)
         if self.speed is not None and read_number("speed", self.speed, most=_MOST) < _SLOWEST:
@@ -325,10 +327,10 @@ class SeenBuilding(RobotMap):
         if here is None:
             if costs is not None or look is not None:
                 self._cost(costs, look)  # what is said must be right, though it does not count
-            node = self._weigh(things, [], None, chance, task)[0].choose_likeliest()
+            node = self._weigh(things, [], None, search)[0].choose_likeliest()
         else:
             start, (ways, looks) = find_room(self.graph, here), self._cost(costs, look)
-            decision, _ = self._weigh(things, [start], ways, chance, task)
+            decision, _ = self._weigh(things, [start], ways, search)
             node = decision.choose(ways.costs, looks, here=start, planner=chosen)
         return None if node is None else self._name(node)
 
@@ -364,10 +366,12 @@ class SeenBuilding(RobotMap):
             RecipeError: as `next_room`, and if there is no such piece.
         """
         start, sought = find_room(self.graph, here), self._now.seek(thing)
+        search = _Search(costs, chance=chance)
+        search.check()
         piece = None if at is None else self._find_piece(at, start).name
         ways, looks = self._cost(costs, None)
         look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=_MOST)
-        rooms, (belief,) = self._weigh(thing, [start], ways, chance, "single")
+        rooms, (belief,) = self._weigh(thing, [start], ways, search)
         spots, place = keep_likeliest(self._now.list_places(sought), belief, here=start, at=piece)
         each = [looks[spot.node] if spot.piece is None else look_at for spot in spots]
         between = measure_spots(spots, self.graph, ways, said=costs is not None)
@@ -544,7 +548,7 @@ class SeenBuilding(RobotMap):
         search.check()
         here = [find_room(self.graph, room) for room in robots]
         ways, looks = self._cost(search.costs, search.look)
-        decision, beliefs = self._weigh(things, here, ways, search.chance, search.task)
+        decision, beliefs = self._weigh(things, here, ways, search)
         plan = decision.plan(ways.costs, looks, here=here, budget=search.spend(ways))
         return plan, decision, beliefs
 
@@ -553,21 +557,18 @@ class SeenBuilding(RobotMap):
         things: str | Sequence[str],
         here: Sequence[int],
         ways: Ways | None,
-        chance: float,
-        task: Task,
+        search: _Search,
     ) -> tuple[Decision, list[ThingBelief]]:
         """Return what a decision depends on, and what is believed of the things."""
         words = _list_words(things)
-        if not read_number("chance", chance, most=1.0):
-            raise RecipeError("chance: expected above 0, found 0", code="chance-zero")
         # A thing that is asked for in two words is one thing.
         meanings = {_key_of(self._words.understand(word)): word for word in reversed(words)}
-        distinct = [word for word in words if word in meanings.values()]
-        sought = [self._now.seek(word) for word in distinct]
+        sought = [self._now.seek(word) for word in words if word in meanings.values()]
         beliefs, looks = [one.belief for one in sought], [one.looks for one in sought]
         open_: Bools = np.ones(self._now.nodes, dtype=bool)  # from wherever the robot is
         if ways is not None:
             open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))
+        chance, task = search.chance, search.task
         found = weigh(beliefs, looks, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
 
