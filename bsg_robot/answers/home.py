@@ -129,17 +129,19 @@ class Home:
         return Track(gone.name, gone.raw_category, sightings, real, 0.0, moved)
 
     def _place(self, sightings: Iterable[Sighting]) -> tuple[Sighting, ...]:
-        """Return sightings with the piece of furniture on which all that lies: a tray's table."""
-        return tuple(map(self._follow_piece, sightings))
+        """Return sightings with the piece of furniture on which all that lies: a tray's table.
 
-    def _follow_piece(self, seen: Sighting) -> Sighting:
-        """Furniture that was moved takes its habits along; what is gone leaves them to its room."""
-        if seen.on is None:
-            return seen
-        node = self._rooms.get(seen.on)
-        if node is None:
-            return seen._replace(on=None)
-        return Sighting(seen.time, node, self._pieces(node).on.get(seen.on, seen.on))
+        Furniture that was moved takes its habits along; what is gone leaves them to its room.
+        """
+        placed = []
+        for seen in sightings:
+            node = self._rooms.get(seen.on or "")
+            if seen.on is None or node is None:
+                placed.append(seen._replace(on=None))
+            else:
+                piece = self._pieces(node).on.get(seen.on, seen.on)
+                placed.append(Sighting(seen.time, node, piece))
+        return tuple(placed)
 
     @cached_property
     def _rooms(self) -> Mapping[str, int]:
@@ -293,14 +295,12 @@ class Home:
     def _places_of(self, custom: Custom) -> list[tuple[int, str | None]]:
         """Return the places that a custom names: pieces of a word, in its room or in any."""
         if custom.at is None:
-            return [(node, None) for node in self._nodes_of(custom)]
+            nodes = self._nodes if custom.room_index is None else [custom.room_index]
+            return [(node, None) for node in nodes]
         found = self.find_pieces(custom, custom.at)
         if found or custom.never or custom.room_index is None:
             return found
         return [(custom.room_index, None)]
-
-    def _nodes_of(self, custom: Custom) -> Sequence[int]:
-        return self._nodes if custom.room_index is None else [custom.room_index]
 
     def find_pieces(self, custom: Custom, at: str) -> list[tuple[int, str | None]]:
         """Return the pieces of furniture that a custom may mean: of an id, a word, or a kind."""

@@ -70,8 +70,9 @@ def alone(
 class RobotMap:
     """What a robot has reported of one building, and what it knows by that.
 
-    A thing is any word. A room is its id, or its label if no other room has it. A word that means
-    no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
+    A thing is any word. A room is its id, or its label if no other room has it. What cannot be,
+    such as a word that means no thing, a name that means no room, or a number out of its range,
+    raises `RecipeError` and changes nothing. The object is thread-safe.
     """
 
     def __init__(
@@ -180,9 +181,6 @@ class RobotMap:
                 same, too.
             besides: ids of objects that it is not, such as others that were seen with it.
             on: id of the object on or in which it lies, or its word if the room has one such.
-
-        Raises:
-            RecipeError: for a room, a word or a number that cannot be.
         """
         require_word(thing)
         where, object_id = f"saw {thing[:SHOWN]!r}", spell_id(object_id)
@@ -286,9 +284,6 @@ class RobotMap:
         Args:
             object_id: its id.
             time: of the report; None for now.
-
-        Raises:
-            RecipeError: if there is no such object.
         """
         object_id = spell_id(object_id)
         lost = next((obj for obj in self.graph.objects if obj.name == object_id), None)
@@ -341,9 +336,6 @@ class RobotMap:
             at: id of the piece of furniture that was searched, or its word if the room has one
                 such; None for the whole room.
             time: of the look; None for now.
-
-        Raises:
-            RecipeError: for a room, a word, a chance or a time that cannot be.
         """
         index = find_room(self.graph, room)
         is_such = self._words.names(self._words.understand(thing))
@@ -406,10 +398,6 @@ class RobotMap:
             walls_in_view: share of the walls that the camera has had in view.
             seconds_inside: how long the robot has looked around in the room.
             time: of the report; None for now.
-
-        Raises:
-            RecipeError: also if a share is not 0 to 1, or both `hidden_share` and another argument
-                are given.
         """
         index = find_room(self.graph, room)
         looked = any(x is not None for x in (floor_in_view, walls_in_view, seconds_inside))
@@ -446,9 +434,6 @@ class RobotMap:
             found: which of the known objects there were found again, by id or by any word; those
                 that were not are gone. None keeps all.
             time: of the report; None for now.
-
-        Raises:
-            RecipeError: if there is no such room, or it had no such object.
         """
         index = find_room(self.graph, room)
         graph, time = self._tell_time(f"searched {room[:SHOWN]!r}", time)
@@ -500,9 +485,6 @@ class RobotMap:
                 does. A word that is not understood says nothing; `notes` names it.
             position: metres, Z up.
             floor_area: square metres.
-
-        Raises:
-            RecipeError: also if the room is already known, or is not valid.
         """
         new = KnownRoom(
             room,
@@ -537,9 +519,6 @@ class RobotMap:
             position: metres, Z up.
             floor_area: square metres.
             beside: id of a room that it connects with, or several; known connections stay.
-
-        Raises:
-            RecipeError: if there is no such room, or the facts cannot be.
         """
         graph, index = self.graph, find_room(self.graph, room)
         before, neighbours = graph.rooms[index - 1], self._find_rooms(beside)
@@ -579,9 +558,6 @@ class RobotMap:
         Args:
             hours: that have passed.
             until: what time it is now, instead; `"now"` reads the clock of this computer.
-
-        Raises:
-            RecipeError: for a time that cannot be, or is before the last report.
         """
         if (hours is None) == (until is None):
             raise RecipeError("passes: give hours or until", code="time-unsaid")
@@ -607,9 +583,6 @@ class RobotMap:
             thing: any word, or a group of `bsg_robot/tables/groups-v1.csv`.
             room: id or label; None if `at` says where.
             at: id of a piece of furniture, or its word: also of one that was not seen yet.
-
-        Raises:
-            RecipeError: for a word or a room that cannot be.
         """
         self._say_custom(thing, room, at, never=False)
 
@@ -651,9 +624,6 @@ class RobotMap:
 
         Args:
             thing: any word, or a group; None for all.
-
-        Raises:
-            RecipeError: for a word that means nothing.
         """
         if thing is None:
             self._change(replace(self.graph, memory=(), customs=()))

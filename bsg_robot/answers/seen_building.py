@@ -139,8 +139,9 @@ class SeenBuilding(RobotMap):
     `anywhere`, `habits`, `expected`, `kinds`, `next_room`, `next_rooms`, `explain` and `belief`.
     The state is one immutable `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
 
-    A thing is any word. A room is its id, or its label if no other room has it. A word that means
-    no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
+    A thing is any word. A room is its id, or its label if no other room has it. What cannot be,
+    such as a word that means no thing, a name that means no room, or a number out of its range,
+    raises `RecipeError` and changes nothing. The object is thread-safe.
     """
 
     @overload
@@ -310,10 +311,6 @@ class SeenBuilding(RobotMap):
         Returns:
             Its id; `explore` if rooms that are not found yet are worth more; None if no room is
             left to search, or none within the budget.
-
-        Raises:
-            RecipeError: also if the planner cannot be used, a number cannot be, or no way leads to
-                a room that is left.
         """
         chosen, search = find_planner(planner), _Search(costs, look, chance, task, budget, speed)
         search.check()
@@ -361,9 +358,6 @@ class SeenBuilding(RobotMap):
         Returns:
             A room, and a piece there; without a piece, enter the room, or look about in it for more
             furniture. None if nothing is left to search.
-
-        Raises:
-            RecipeError: as `next_room`, and if there is no such piece.
         """
         start, sought = find_room(self.graph, here), self._now.seek(thing)
         search = _Search(costs, chance=chance)
@@ -505,11 +499,7 @@ class SeenBuilding(RobotMap):
 
     @alone
     def ways(self, costs: Costs | None = None) -> Ways:
-        """Return the costs of going from room to room, at most 2,000, or 1,400 in a dense graph.
-
-        Raises:
-            RecipeError: also if there are more rooms, or a cost is not 0 or more.
-        """
+        """Return the costs of going from room to room, at most 2,000, or 1,400 in a dense graph."""
         return measure_ways(self.graph, costs)
 
     def _known_costs(self, here: str, costs: Costs | None) -> dict[int, float]:
