@@ -115,7 +115,7 @@ def _read_costs(rows: Sequence[tuple[str, str, str]]) -> Mapping[tuple[str, str]
         return None
     from bsg_robot.answers.ways import read_costs  # a help must not wait for NumPy
 
-    return read_costs([(one, other, _read_number(cost, cost)) for one, other, cost in rows])
+    return read_costs([(start, end, _read_number(cost, cost)) for start, end, cost in rows])
 
 
 def read_by_room(
@@ -214,7 +214,7 @@ def _print_places(
         f"P({meaning.name})": lambda place: _percent(place.probability),
         "if there is one": lambda place: _percent(place.if_there),
         "expected more": lambda place: f"{place.expected:.2f}",
-        "seen": lambda place: ", ".join(words[one] for one in place.seen) or "–",
+        "seen": lambda place: ", ".join(words[name] for name in place.seen) or "–",
         "cost": lambda place: _cost(place.cost, unit),
     }
     order = [*columns]
@@ -261,9 +261,9 @@ def _describe_habits(seen: bsg_robot.SeenBuilding, habits: Sequence[bsg_robot.Ha
 
     taught, places = Taught(seen.graph), []
     for habit in habits[:_MOST_HABITS]:
-        place, share, times, ago, told = taught.row(asdict(habit))
+        place, share, times, ago, is_told = taught.row(asdict(habit))
         sightings = f"{times} seen{ago and f', the last {ago}'}" if times else ""
-        why = ", ".join(filter(None, (told and "told", sightings)))
+        why = ", ".join(filter(None, (is_told and "told", sightings)))
         places.append(f"{make_line(place)} {share}{why and f' ({why})'}")
     times_in_all = sum(habit.sightings for habit in habits)
     by = f", by {times_in_all} sighting{'s' * (times_in_all > 1)}" if times_in_all else ""
@@ -276,12 +276,12 @@ def _print_plan(
     """Print the room to go to first, and the order of the search if it has several steps."""
     labels = {room.name: room.label for room in seen.graph.rooms}
     for robot, first in (facts["robots"] or {"": facts["go_first"]}).items():
-        said = f"no room is left to search{within}"
+        sentence = f"no room is left to search{within}"
         if first == EXPLORE:
-            said = "explore first: find the rooms that are not found yet"
+            sentence = "explore first: find the rooms that are not found yet"
         elif first is not None:
-            said = f"go first to {_call(first, labels.get(first))}"
-        print_text(f"{robot}: {said}" if robot else said)
+            sentence = f"go first to {_call(first, labels.get(first))}"
+        print_text(f"{robot}: {sentence}" if robot else sentence)
     steps, several = facts["plan"], len(facts["things"]) > 1
     if facts["found_within"]:
         print_text(f"{'all ' if several else ''}found{within}: {_percent(facts['found_within'])}")

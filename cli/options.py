@@ -86,10 +86,10 @@ workers_option = click.option(
 )
 
 
-def read_now_option(_: click.Context, __: click.Parameter, said: str | None) -> float | None:
+def read_now_option(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
     """Return the time that an option says, in seconds."""
     try:
-        return None if said is None else read_now(said)
+        return None if text is None else read_now(text)
     except ValueError as error:
         raise click.BadParameter(str(error)) from None
 

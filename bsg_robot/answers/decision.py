@@ -92,7 +92,7 @@ class Decision:
         if len(place) and able:
             parts = split_plan(plan_search(problem)[0], problem)
             for robot, (k, part) in enumerate(zip(able, parts, strict=True)):
-                open_ = [one for one in part if np.isfinite(costs[here[k], place[one]])]
+                open_ = [number for number in part if np.isfinite(costs[here[k], place[number]])]
                 looks[k] = problem.cut(open_, robot=robot)
         return Plan(problem, looks, [place[part].tolist() for part in looks])
 
@@ -165,7 +165,7 @@ def weigh(
     Raises:
         RecipeError: if rooms are left, and no way leads to any of them.
     """
-    sure = np.stack([one.is_sure & open_ for one in beliefs], axis=1)
+    sure = np.stack([belief.is_sure & open_ for belief in beliefs], axis=1)
     unknown = np.asarray(~sure.any(axis=0)) if task == "single" else np.ones(len(beliefs), bool)
     nodes, every = len(open_), tuple(range(len(beliefs)))
     if not unknown.any():
@@ -175,8 +175,8 @@ def weigh(
         return Decision(finds, np.ones(left.shape[1]), np.ones(nodes), task, every, is_known=True)
     finds = np.stack(
         [
-            _find(one, chances, chance, unsure=task == "all")
-            for one, chances in zip(beliefs, looks, strict=True)
+            _find(belief, chances, chance, unsure=task == "all")
+            for belief, chances in zip(beliefs, looks, strict=True)
         ],
         axis=2,
     )
@@ -188,14 +188,14 @@ def weigh(
         )
     anywhere, left = (1 - (1 - part[0]).prod(axis=0) for part in (finds, reached))
     near = unknown & (left >= _LEAST_REACHED * anywhere)
-    kept = near if near.any() else unknown
-    things = tuple(np.flatnonzero(kept).tolist())
+    sought = near if near.any() else unknown
+    things = tuple(np.flatnonzero(sought).tolist())
     scale = np.array([beliefs[thing].tilt for thing in things])
     missed = np.ones(nodes)
     for thing in things:
         for node, chances in looks[thing].items():
             missed[node] = min(missed[node], miss_all(chances.get(None, ())))
-    return Decision(reached[..., kept], scale, missed, task, things)
+    return Decision(reached[..., sought], scale, missed, task, things)
 
 
 def _find(

@@ -126,10 +126,10 @@ def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObje
     def stay(obj: SeenObject) -> float:
         if obj.time is None or graph.now is None:
             return 1.0
-        said = obj.stays or graph.stays
-        stays = words.staying(said)(obj.raw_category)
+        given = obj.stays or graph.stays
+        stays = words.staying(given)(obj.raw_category)
         stayed = has_stayed(obj.time, graph.now, stays)
-        if said is None:
+        if given is None:
             before = memory[obj.name].sightings if obj.name in memory else ()
             elsewhere = sum(sight[1:] != (obj.room_index, obj.on) for sight in before)
             stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)

@@ -83,27 +83,27 @@ class Posterior:
     """What is believed of a building after all that a robot has said; nothing of it changes.
 
     Attributes:
-        said: the graph as the robot said it.
+        reported: the graph as the robot said it.
         whole: the same without what looks exclude, and with the rooms that are not found yet.
         looks: that missed, of which the thing is known.
         kinds: those of the rooms of `whole`.
     """
 
     def __init__(
-        self, said: PartialGraph, words: Dictionary, *, before: Posterior | None = None
+        self, reported: PartialGraph, words: Dictionary, *, before: Posterior | None = None
     ) -> None:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
-        self.said, self._words = said, words
-        self.looks, left = weigh_evidence(said, words)
+        self.reported, self._words = reported, words
+        self.looks, left = weigh_evidence(reported, words)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
-            (one.room_index, one.raw_category, one.category, one.class_index)
-            for one in left.objects
-            if one.is_evidence
+            (obj.room_index, obj.raw_category, obj.category, obj.class_index)
+            for obj in left.objects
+            if obj.is_evidence
         ]
         heard = _age(left)
-        told = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
-        self._evidence = told, told.more_rooms is True, Counter(seen)  # True is not 1
+        layout = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
+        self._evidence = layout, layout.more_rooms is True, Counter(seen)  # True is not 1
         self._asked: dict[Asked, Apart] = {}
         self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
         self._pieces: dict[int, SeenPieces] = {}
@@ -177,7 +177,7 @@ class Posterior:
 
     @cached_property
     def _stayed(self) -> Callable[[SeenObject], float]:
-        return remember_stays(self.said, self._words)
+        return remember_stays(self.reported, self._words)
 
     @cached_property
     def _counted(self) -> Expectation:
@@ -186,16 +186,16 @@ class Posterior:
 
     def expectation(self) -> Expectation:
         """Return what is believed of the nodes that the robot said, by the building's model."""
-        belief, rooms = self._counted, np.arange(1 + len(self.said.rooms))
+        belief, rooms = self._counted, np.arange(1 + len(self.reported.rooms))
         chances = np.zeros(belief.inputs.shape)
-        words = {one.meaning.word: one.meaning for one in self.looks}.values()
+        words = {miss.meaning.word: miss.meaning for miss in self.looks}.values()
         own = {m.class_index: m for m in words if m.is_class}
         for index, meaning in own.items():
             chances[:, index] = 1 - self._overlook(meaning)
         if chances.any():
             belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
         # A doubted object is no evidence, and is one of those that were seen all the same.
-        seen = self.said.histograms().astype(np.float64)
+        seen = self.reported.histograms().astype(np.float64)
         return replace(belief.take(rooms), inputs=seen)
 
     def seek(self, word: str) -> Sought:
@@ -244,12 +244,12 @@ class Posterior:
         """What this home has taught."""
         after = {obj.name: obj.probability for obj in self.whole.objects}
         still = {}
-        for obj in self.said.objects:
+        for obj in self.reported.objects:
             stayed = self._stayed(obj)
             is_doubted = obj.score is None and after.get(obj.name, 0.0) < stayed
             seen = TRUSTED if is_doubted else obj.probability
             still[obj.name] = seen, seen * stayed
-        return Home(self.said, still, self._words, pieces=self.pieces_of)
+        return Home(self.reported, still, self._words, pieces=self.pieces_of)
 
     def find_usual(self, meaning: Meaning, hidden: CountDistribution | None = None) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
@@ -276,7 +276,7 @@ class Posterior:
             hidden = self._hidden_now(meaning)
         else:
             hidden = hide(Things.of([thing], self.kinds.table), self.whole)[0]
-        if self.said.now is not None:
+        if self.reported.now is not None:
             is_dated = [room.time is not None for room in self.whole.rooms]
             hidden = np.where(is_dated, hidden, 1.0)
         return np.array([1.0, *hidden])
@@ -309,7 +309,7 @@ class Posterior:
                 if theirs is not None:
                     hidden, none = believe_rates(self._rate(meaning, theirs))
                     counted = hidden, max(none, counted[1])
-        both = [one for one in (counted, judged) if one is not None]
+        both = [counts for counts in (counted, judged) if counts is not None]
         return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
 
     def _rate(self, meaning: Meaning, thing: Thing) -> Floats:
@@ -320,8 +320,8 @@ class Posterior:
         classes, whole = self._words.own.classes, thing.wider
         if whole in (None, *thing.names) or whole not in classes or thing.sight < IN_SIGHT:
             return np.asarray(rates)
-        most = self._find(classes.index(whole)).presence[:, 0]
-        return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
+        present = self._find(classes.index(whole)).presence[:, 0]
+        return np.asarray(np.minimum(rates, -np.log1p(-present.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
@@ -373,7 +373,7 @@ class Posterior:
             )
             for spot in self._list_spots(sought, node, tidy)
         ]
-        return tuple(sorted(pieces, key=lambda one: (one.piece is None, -one.probability)))
+        return tuple(sorted(pieces, key=lambda piece: (piece.piece is None, -piece.probability)))
 
     def list_places(self, sought: Sought) -> list[Spot]:
         """Return where to look in all rooms: their pieces, each followed by the rest."""
@@ -409,17 +409,18 @@ class Posterior:
         """
         room_of = {obj.name: obj.room_index for obj in graph.objects}
         left: dict[str, dict[str, float | None]] = {}  # a piece that is gone → scores in its room
-        for one in graph.looks:
-            meaning = self._words.look_up(one.thing)
-            if one.at is None or room_of.get(one.at) == one.room_index or meaning is None:
+        for look in graph.looks:
+            meaning = self._words.look_up(look.thing)
+            if look.at is None or room_of.get(look.at) == look.room_index or meaning is None:
                 continue
-            furniture = self.furnish(meaning, one.room_index)
-            if furniture is not None and one.at in furniture.names:
-                missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
-                look, stays = replace(one, at=None, chance=missed), self._words.staying(graph.stays)
-                graph = reports.look(graph, look, stays=stays)
-                objects = self.objects_of(one.room_index)
-                left.setdefault(one.at, {obj.name: self._score(obj) for obj in objects})
+            furniture = self.furnish(meaning, look.room_index)
+            if furniture is not None and look.at in furniture.names:
+                missed = 1 - furniture.overlooked({look.at: 1 - look.chance})
+                stays = self._words.staying(graph.stays)
+                moved = replace(look, at=None, chance=missed)
+                graph = reports.look(graph, moved, stays=stays)
+                objects = self.objects_of(look.room_index)
+                left.setdefault(look.at, {obj.name: self._score(obj) for obj in objects})
         if not left:
             return graph
         objects = tuple(
@@ -445,9 +446,9 @@ def _age(graph: PartialGraph) -> PartialGraph:
         replace(room, time=None)
         if room.time is None or room.time >= now
         else replace(
-            room, hidden_share=share, hidden_share_sd=room.hidden_share_sd * kept, time=None
+            room, hidden_share=share, hidden_share_sd=room.hidden_share_sd * stayed, time=None
         )
-        for room, share, kept in zip(graph.rooms, slow, still.tolist(), strict=True)
+        for room, share, stayed in zip(graph.rooms, slow, still.tolist(), strict=True)
     )
     return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 

@@ -103,13 +103,13 @@ class RobotMap:
     @property
     def graph(self) -> PartialGraph:
         """What was seen so far."""
-        return self._said
+        return self._graph
 
     @property
     def _now(self) -> Posterior:
         """The graph as looks leave it, weighed when it is asked for."""
-        if self._weighed is None or self._weighed.said is not self._said:
-            self._weighed = Posterior(self._said, self._words, before=self._weighed)
+        if self._weighed is None or self._weighed.reported is not self._graph:
+            self._weighed = Posterior(self._graph, self._words, before=self._weighed)
         return self._weighed
 
     @property
@@ -119,7 +119,7 @@ class RobotMap:
         dark = (c.thing for c in customs if not find_group(c.thing) and look_up(c.thing) is None)
         nowhere = (c.at for c in customs if c.at and not home.find_pieces(c, c.at))
         vain = (look.thing for look in self.graph.looks if look_up(look.thing) is None)
-        unheard = {
+        ignored = {
             f"looks for what {self.model} has no word for are ignored": vain,
             "what people say of what nobody has a word for is ignored": dark,
             "people keep things at furniture that was not seen yet": nowhere,
@@ -128,7 +128,7 @@ class RobotMap:
         now = self.graph.now
         late = (f"answers are as of {show_time(now)}; say `now` if it is later",)
         is_late = now is not None and now == self._opened
-        return (*self._notes, *(late if is_late else ()), *notes, *note_words(unheard))
+        return (*self._notes, *(late if is_late else ()), *notes, *note_words(ignored))
 
     @property
     def model(self) -> str:
@@ -219,13 +219,13 @@ class RobotMap:
         """Return the graph at the time of a report, and that time; None without a clock."""
         if age is not None:
             age = read_number(f"{where}: age", age, most=_MOST_HOURS)
-        said = None if time is None else _read_time(where, time)
-        said = memory.say_time(where, said, age=age, now=self.graph.now)
-        if said is None:
+        reported = None if time is None else _read_time(where, time)
+        reported = memory.say_time(where, reported, age=age, now=self.graph.now)
+        if reported is None:
             return self.graph, self.graph.now
         # Ages of a graph without a clock count from 0.
         graph = self.graph if age is None else memory.tell_time(self.graph, self.graph.now or 0.0)
-        return memory.tell_time(graph, said), said
+        return memory.tell_time(graph, reported), reported
 
     def _recognise(
         self, graph: PartialGraph, seen: SeenObject, *, within: float, besides: Collection[str]
@@ -308,7 +308,7 @@ class RobotMap:
         if time is None or not node or at is None or meaning is None:
             return graph
         is_such = self._words.names(meaning)
-        if any(on.get(one.name) == at and is_such(one.raw_category) for one in graph.objects):
+        if any(on.get(obj.name) == at and is_such(obj.raw_category) for obj in graph.objects):
             return graph
         look = Look(node, word, 1.0, at, time)
         return reports.look(graph, look, stays=self._words.staying(graph.stays))
@@ -357,23 +357,23 @@ class RobotMap:
 
     def _has_held(self, name: str) -> bool:
         """Return whether anything was ever seen on an object."""
-        before = (sight.on for one in self.graph.memory for sight in one.sightings)
+        before = (sight.on for thing in self.graph.memory for sight in thing.sightings)
         return name in {*(obj.on for obj in self.graph.objects), *before}
 
-    def _find_piece(self, said: str, index: int) -> SeenObject:
+    def _find_piece(self, name: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""
         known = [obj for obj in self.graph.objects if obj.room_index == index]
-        kind = find_receptacle(str(said))
-        same = _find_called(said, known)
+        kind = find_receptacle(str(name))
+        same = _find_called(name, known)
         same = same or [obj for obj in known if kind is not None and kind_of(obj) == kind]
         if len(same) == 1:
             return same[0]
         found = f"{len(same)} such objects" if same else "no such object"
         raise RecipeError(
-            f"{str(said)[:SHOWN]!r}: expected the id of an object of the room, found {found}; "
+            f"{str(name)[:SHOWN]!r}: expected the id of an object of the room, found {found}; "
             f"known are {_list(known)}",
             code="piece-unknown",
-            where=str(said)[:SHOWN],
+            where=str(name)[:SHOWN],
         )
 
     @alone
@@ -451,18 +451,18 @@ class RobotMap:
         names = {name for word in words for name in self._find_again(word, known, room)}
         self._change(reports.find_all(graph, index, names, time=time))
 
-    def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
+    def _find_again(self, name: str, known: Sequence[SeenObject], room: str) -> list[str]:
         """Return the ids of the known objects that an id or a word names."""
-        same = _find_called(said, known)
-        if not same and (meaning := self._words.look_up(said)):
+        same = _find_called(name, known)
+        if not same and (meaning := self._words.look_up(name)):
             is_such = self._words.names(meaning)
             same = [obj for obj in known if is_such(obj.raw_category)]
         if not same:
             raise RecipeError(
-                f"searched {room!r}: found {str(said)[:SHOWN]!r}, and no such object was known "
+                f"searched {room!r}: found {str(name)[:SHOWN]!r}, and no such object was known "
                 f"there; report it by `saw` first. Known are {_list(known)}",
                 code="object-unknown",
-                where=str(said),
+                where=str(name),
             )
         return [obj.name for obj in same]
 
@@ -524,8 +524,8 @@ class RobotMap:
         before, neighbours = graph.rooms[index - 1], self._find_rooms(beside)
         facts: dict[str, Any] = {"room_type": room_type, "label": label}
         facts |= {"position": position, "floor_area": floor_area}
-        said = {name: fact for name, fact in facts.items() if fact is not None}
-        known = check_report(replace(before, **said))
+        changed = {name: fact for name, fact in facts.items() if fact is not None}
+        known = check_report(replace(before, **changed))
         if room_type is not None:
             read = read_room_type(known.room_type, read=room_reader(graph))
             is_read = read.labels is not None or not read.unread  # else nothing is said
@@ -606,7 +606,7 @@ class RobotMap:
             require_word(at := spell_id(at))
         new = Custom(thing, index, at, never)
         # What is said last of a thing and a place counts.
-        others = [one for one in self.graph.customs if _place_of(one) != _place_of(new)]
+        others = [custom for custom in self.graph.customs if _place_of(custom) != _place_of(new)]
         if len(others) >= MAX_ROBOT_CUSTOMS:
             raise RecipeError(
                 f"{self.graph.scene_id}: expected at most {MAX_ROBOT_CUSTOMS:,} customs; `forget` "
@@ -630,8 +630,8 @@ class RobotMap:
             return
         group, words = find_group(thing), self._words
         is_such = words.is_of(group) if group else words.names(words.understand(thing))
-        memory = tuple(o for o in self.graph.memory if not is_such(o.raw_category))
-        customs = tuple(o for o in self.graph.customs if not is_such(o.thing))
+        memory = tuple(one for one in self.graph.memory if not is_such(one.raw_category))
+        customs = tuple(one for one in self.graph.customs if not is_such(one.thing))
         self._change(replace(self.graph, memory=memory, customs=customs))
 
     def _change(self, graph: PartialGraph) -> None:
@@ -649,14 +649,14 @@ class RobotMap:
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        self._said = graph
+        self._graph = graph
 
 
-def _find_called(said: str, known: Sequence[SeenObject]) -> list[SeenObject]:
+def _find_called(name: str, known: Sequence[SeenObject]) -> list[SeenObject]:
     """Return the objects of an id, or else of a word."""
-    said = spell_id(said)
-    spoken = normalise_name(str(said))
-    same = [obj for obj in known if obj.name == said]
+    name = spell_id(name)
+    spoken = normalise_name(str(name))
+    same = [obj for obj in known if obj.name == name]
     return same or [obj for obj in known if normalise_name(obj.raw_category) == spoken]
 
 

@@ -209,14 +209,16 @@ class SeenBuilding(RobotMap):
             for node, room in enumerate(rooms, 1)
         ]
         if belief.seen[0]:
-            ids, there = tuple([obj.name for obj in belief.seen[0]]), is_there(belief.seen[0])
-            places.append(Place(None, None, there, min(1.0, there / anywhere), 0.0, 0.0, ids, None))
+            ids, present = tuple([obj.name for obj in belief.seen[0]]), is_there(belief.seen[0])
+            places.append(
+                Place(None, None, present, min(1.0, present / anywhere), 0.0, 0.0, ids, None)
+            )
         if self._now.nodes > 1 + len(rooms):
             new = slice(len(rooms) + 1, None)
-            there, more = belief.somewhere(new), float(belief.expected[new].sum())
+            present, more = belief.somewhere(new), float(belief.expected[new].sum())
             way = None if here is None else self.ways(costs).usual
-            share = min(1.0, there / anywhere)
-            places.append(Place(EXPLORE, NOT_FOUND, there, share, there, more, (), way))
+            share = min(1.0, present / anywhere)
+            places.append(Place(EXPLORE, NOT_FOUND, present, share, present, more, (), way))
         return tuple(
             sorted(places, key=lambda p: (-p.probability, math.inf if p.cost is None else p.cost))
         )
@@ -368,7 +370,7 @@ class SeenBuilding(RobotMap):
         rooms, (belief,) = self._weigh(thing, [start], ways, search)
         spots, place = keep_likeliest(self._now.list_places(sought), belief, here=start, at=piece)
         each = [looks[spot.node] if spot.piece is None else look_at for spot in spots]
-        between = measure_spots(spots, self.graph, ways, said=costs is not None)
+        between = measure_spots(spots, self.graph, ways, given=costs is not None)
         decision = weigh_spots(spots, belief, rooms, chance=chance)
         (order,) = decision.plan(between, np.array(each), here=[place]).places
         if not order:
@@ -554,7 +556,7 @@ class SeenBuilding(RobotMap):
         # A thing that is asked for in two words is one thing.
         meanings = {_key_of(self._words.understand(word)): word for word in reversed(words)}
         sought = [self._now.seek(word) for word in words if word in meanings.values()]
-        beliefs, looks = [one.belief for one in sought], [one.looks for one in sought]
+        beliefs, looks = [thing.belief for thing in sought], [thing.looks for thing in sought]
         open_: Bools = np.ones(self._now.nodes, dtype=bool)  # from wherever the robot is
         if ways is not None:
             open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))

@@ -91,9 +91,9 @@ def _measure(
     edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], usual)
     if adjacency:
         _join_parts(edges, lines, usual)
-    for (one, other), cost in given:
+    for (start, end), cost in given:
         for table in (edges, certain):
-            table[one, other] = table[other, one] = cost
+            table[start, end] = table[end, start] = cost
     costs = _shorten(edges, certain, given, is_joined=bool(adjacency))
     edges.flags.writeable = costs.flags.writeable = False  # others are answered by them, too
     unit: Unit = "m" if len(measured) else "given" if positive else "rooms"
@@ -156,8 +156,8 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
                 code="costs-malformed",
             )
         what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
-        one, other = (find(str(end)) for end in ends)
-        found[one, other] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
+        start, end = (find(str(room)) for room in ends)
+        found[start, end] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
     return found
 
 
@@ -191,7 +191,7 @@ def list_lost(graph: PartialGraph) -> set[int]:
 
 def measure_lines(places: Floats) -> Floats:
     """Return the straight distances between places `[M, 3]`, `[M, M]`; ∞ where one is unknown."""
-    squares = [(one[:, None] - one) ** 2 for one in places.T]
+    squares = [(axis[:, None] - axis) ** 2 for axis in places.T]
     lines = np.sqrt(sum(squares))
     return np.where(np.isnan(lines), np.inf, lines)
 
@@ -226,39 +226,39 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
         near[b] = np.inf
 
 
-def check_look(said: Any) -> AnyLook | None:
+def check_look(look: Any) -> AnyLook | None:
     """Return what a robot says of the cost of its looks: a number, or room → number.
 
     Raises:
         RecipeError: for a cost that is no number of 0 or more.
     """
-    if said is None:
+    if look is None:
         return None
-    if not isinstance(said, Mapping):
-        return read_number("look", said, most=_MOST)
+    if not isinstance(look, Mapping):
+        return read_number("look", look, most=_MOST)
     return {
         str(name): read_number(f"look: {str(name)[:SHOWN]!r}", cost, most=_MOST)
-        for name, cost in said.items()
+        for name, cost in look.items()
     }
 
 
-def read_costs(said: Any) -> Costs | None:
+def read_costs(rows: Any) -> Costs | None:
     """Return the costs of ways from a list of [room, room, cost]; `closed` is ∞.
 
     Raises:
         RecipeError: for another form, a cost that is no number of 0 or more, or two of one way.
     """
-    if said is None:
+    if rows is None:
         return None
     form = f'[room, room, cost or "{CLOSED}"]'
-    if not isinstance(said, list | tuple):
-        raise _refuse_costs(f"expected a list of {form}, found {show_value(said)}")
-    if len(said) > MOST_PAIRS:
-        raise _refuse_costs(f"expected at most {MOST_PAIRS:,} ways, found {len(said):,}")
+    if not isinstance(rows, list | tuple):
+        raise _refuse_costs(f"expected a list of {form}, found {show_value(rows)}")
+    if len(rows) > MOST_PAIRS:
+        raise _refuse_costs(f"expected at most {MOST_PAIRS:,} ways, found {len(rows):,}")
     costs: dict[tuple[str, str], float] = {}
-    for row in said:
+    for row in rows:
         ends = [*map(spell_id, row[:2])] if isinstance(row, list | tuple) else []
-        if len(ends) != 2 or len(row) != 3 or not all(isinstance(end, str) for end in ends):
+        if len(ends) != 2 or len(row) != 3 or not all(isinstance(room, str) for room in ends):
             raise _refuse_costs(f"expected {form}, found {show_value(row)}")
         what = " to ".join(map(show_value, ends))
         cost, wanted = row[2], f"0 to {_MOST:g}, or {CLOSED!r}"
@@ -266,10 +266,10 @@ def read_costs(said: Any) -> Costs | None:
             cost = math.inf
         else:
             cost = read_number(f"costs: {what}", cost, most=_MOST, wanted=wanted)
-        one, other = ends
-        if costs.get((one, other), cost) != cost or costs.get((other, one), cost) != cost:
+        start, end = ends
+        if costs.get((start, end), cost) != cost or costs.get((end, start), cost) != cost:
             raise _refuse_costs(f"{what}: two different ones; leave one out")
-        costs[one, other] = cost
+        costs[start, end] = cost
     return costs
 
 
