@@ -130,12 +130,16 @@ def read_by_room(
             raise click.UsageError(
                 f"{option} {word}: expected [ROOM=]{expected}, such as 0.4 or kitchen=0.2"
             )
-        if numbers.setdefault(room, number) != number:
-            of = f"of {room}" if room else "of all rooms"
-            raise click.UsageError(
-                f"{option} says {numbers[room]:g} and {number:g} {of}; give one of them"
-            )
+        _add(numbers, room, number, option=option)
     return numbers
+
+
+def _add(table: dict[str, _Word], name: str, value: _Word, *, option: str) -> None:
+    """Add what an option says of a room or a robot; it may say it twice."""
+    if table.setdefault(name, value) != value:
+        raise click.UsageError(
+            f"{option} says {table[name]} and {value} of {name or 'all rooms'}; give one of them"
+        )
 
 
 def _read_number(text: str, otherwise: _Word) -> float | _Word:
@@ -152,10 +156,7 @@ def _read_robots(words: Sequence[str]) -> dict[str, str]:
         name, _, room = word.partition("=")
         if not name or not room:
             raise click.UsageError(f"--robot {word}: expected NAME=ROOM, such as spot=hall")
-        if robots.setdefault(name, room) != room:
-            raise click.UsageError(
-                f"--robot says that {name} is in {robots[name]} and in {room}; give one of them"
-            )
+        _add(robots, name, room, option="--robot")
     return robots
 
 

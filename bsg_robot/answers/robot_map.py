@@ -19,7 +19,7 @@ from bsg_data.records import read_number
 from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
-from bsg_data.words.shown import SHOWN, show_value
+from bsg_data.words.shown import SHOWN
 from bsg_models.belief.clock import HOUR, read_now, read_time, show_time
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
@@ -285,16 +285,10 @@ class RobotMap:
             object_id: its id.
             time: of the report; None for now.
         """
-        object_id = spell_id(object_id)
-        lost = next((obj for obj in self.graph.objects if obj.name == object_id), None)
+        object_id, known = spell_id(object_id), self.graph.objects
+        lost = next((obj for obj in known if obj.name == object_id), None)
         if lost is None:
-            names = [obj.name for obj in self.graph.objects]
-            hint = ask_if_meant(str(object_id), names) or "`graph.objects` has the ids"
-            raise RecipeError(
-                f"{self.graph.scene_id}: no object {str(object_id)[:SHOWN]!r}; {hint}",
-                code="object-unknown",
-                where=str(object_id),
-            )
+            raise _refuse_object(object_id, "the id of a known object", known)
         graph, time = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
         if not reports.is_before(time, lost.time):  # else it was seen since
             graph = self._miss(reports.lose(graph, [object_id]), lost, time)
@@ -368,13 +362,8 @@ class RobotMap:
         same = same or [obj for obj in known if kind is not None and kind_of(obj) == kind]
         if len(same) == 1:
             return same[0]
-        found = f"{len(same)} such objects" if same else "no such object"
-        raise RecipeError(
-            f"{str(name)[:SHOWN]!r}: expected the id of an object of the room, found {found}; "
-            f"known are {_list(known)}",
-            code="piece-unknown",
-            where=str(name)[:SHOWN],
-        )
+        expected, code = "the id of an object of the room", "piece-unknown"
+        raise _refuse_object(name, expected, known, found=len(same), code=code)
 
     @alone
     def entered(
@@ -440,12 +429,6 @@ class RobotMap:
         if found is None:
             self._change(reports.enter(graph, index, hidden_share=ShareBelief(0.0), time=time))
             return
-        if not isinstance(found, Collection):
-            raise RecipeError(
-                f"searched {room!r}: found: expected ids or words, found {show_value(found)}",
-                code="found-impossible",
-                where=room,
-            )
         known = [obj for obj in self.graph.objects if obj.room_index == index]
         words = [found] if isinstance(found, str) else found
         names = {name for word in words for name in self._find_again(word, known, room)}
@@ -458,12 +441,8 @@ class RobotMap:
             is_such = self._words.names(meaning)
             same = [obj for obj in known if is_such(obj.raw_category)]
         if not same:
-            raise RecipeError(
-                f"searched {room!r}: found {str(name)[:SHOWN]!r}, and no such object was known "
-                f"there; report it by `saw` first. Known are {_list(known)}",
-                code="object-unknown",
-                where=str(name),
-            )
+            expected = f"an object that was known in {room!r} (report others by `saw` first)"
+            raise _refuse_object(name, expected, known)
         return [obj.name for obj in same]
 
     @alone
@@ -660,8 +639,23 @@ def _find_called(name: str, known: Sequence[SeenObject]) -> list[SeenObject]:
     return same or [obj for obj in known if normalise_name(obj.raw_category) == spoken]
 
 
-def _list(known: Sequence[SeenObject]) -> str:
-    return ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED]) or "none"
+def _refuse_object(
+    name: str,
+    expected: str,
+    known: Sequence[SeenObject],
+    *,
+    found: int = 0,
+    code: str = "object-unknown",
+) -> RecipeError:
+    """Return the error of a name that means none of some objects, or several."""
+    shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
+    near = ask_if_meant(str(name), [obj.name for obj in known])
+    return RecipeError(
+        f"{str(name)[:SHOWN]!r}: expected {expected}, found {found or 'no'} such "
+        f"object{'s' * (found > 1)}; {near or 'known are ' + (shown or 'none')}",
+        code=code,
+        where=str(name)[:SHOWN],
+    )
 
 
 def _read_time(where: str, time: object, *, read: Callable[[object], float] = read_time) -> float:

@@ -566,14 +566,12 @@ class SeenBuilding(RobotMap):
 
 
 def _list_words(things: str | Sequence[str]) -> list[str]:
-    if not isinstance(things, str | Sequence):
+    if not isinstance(things, str | Sequence) or not len(things):
         raise RecipeError(
-            f"things: expected a word or several, found {show_value(things)}", code="things-none"
+            f"things: expected one word or several, found {show_value(things)}",
+            code="things-none",
         )
-    words = [things] if isinstance(things, str) else [*things]
-    if not words:
-        raise RecipeError("things: expected one word or more, found none", code="things-none")
-    return words
+    return [things] if isinstance(things, str) else [*things]
 
 
 def _key_of(meaning: Meaning) -> tuple[object, ...]:

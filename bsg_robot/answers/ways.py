@@ -141,20 +141,15 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
     Raises:
         RecipeError: for what is no cost of 0 or more between two rooms of the graph.
     """
-    form = 'such as {("hall", "kitchen"): 3.5}'
-    if not isinstance(costs, Mapping | None):
-        raise RecipeError(
-            f"costs: expected two rooms → cost, {form}, found {show_value(costs)}",
-            code="costs-malformed",
+    is_table = isinstance(costs, Mapping | None)
+    if not is_table or not all(isinstance(e, tuple) and len(e) == 2 for e in costs or ()):
+        raise _refuse_costs(
+            'expected two rooms → cost, such as {("hall", "kitchen"): 3.5}, found '
+            f"{show_value(costs)}"
         )
     find = cache(partial(find_room, graph))  # a room that connects with many is said often
     found = {}
     for ends, cost in (costs or {}).items():
-        if not isinstance(ends, tuple) or len(ends) != 2:
-            raise RecipeError(
-                f"costs: expected two rooms, {form}, found {show_value(ends)}",
-                code="costs-malformed",
-            )
         what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
         start, end = (find(str(room)) for room in ends)
         found[start, end] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
@@ -251,10 +246,10 @@ def read_costs(rows: Any) -> Costs | None:
     if rows is None:
         return None
     form = f'[room, room, cost or "{CLOSED}"]'
-    if not isinstance(rows, list | tuple):
-        raise _refuse_costs(f"expected a list of {form}, found {show_value(rows)}")
-    if len(rows) > MOST_PAIRS:
-        raise _refuse_costs(f"expected at most {MOST_PAIRS:,} ways, found {len(rows):,}")
+    if not isinstance(rows, list | tuple) or len(rows) > MOST_PAIRS:
+        raise _refuse_costs(
+            f"expected a list of at most {MOST_PAIRS:,} {form}, found {show_value(rows)}"
+        )
     costs: dict[tuple[str, str], float] = {}
     for row in rows:
         ends = [*map(spell_id, row[:2])] if isinstance(row, list | tuple) else []

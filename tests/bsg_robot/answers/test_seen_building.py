@@ -172,7 +172,6 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.gone("no such id"),
         lambda seen: seen.searched("kitchen", found=["zebra"]),
         lambda seen: seen.searched("kitchen", found=["sofa"]),  # that is in another room
-        lambda seen: seen.searched("kitchen", found=5),
         lambda seen: seen.looked("meeting-room", "zzqx"),  # where nothing is known
         lambda seen: seen.discovered("explore"),
         lambda seen: seen.describe("attic", label="x"),
