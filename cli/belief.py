@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -14,7 +13,7 @@ import click
 import bsg_data
 import bsg_models
 import bsg_robot
-from bsg_cli.find import find_things
+from bsg_cli.find import OF_SEARCH, find_things, read_by_room, read_search, search_options
 from bsg_cli.options import (
     PATH,
     choice_option,
@@ -26,7 +25,6 @@ from bsg_cli.options import (
     read_now_option,
     refuse_unused,
     room_labels_option,
-    search_options,
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
@@ -42,7 +40,6 @@ _OF_DATASET, _OF_GRAPH = (
     ("split", "scene", "mask", "fraction"),
     ("labels", "room_labels", "now", "shares", "find"),
 )
-_OF_SEARCH = ("here", "robots", "costs", "looks", "chance", "task", "budget", "speed")
 _PAGES = (".html", ".htm")
 
 
@@ -69,13 +66,6 @@ _PAGES = (".html", ".htm")
     help="Share of a room's objects that the robot has not seen, from 0 (searched) to 1 (not "
     "entered); without ROOM for all other rooms.",
 )
-@click.option(
-    "--find",
-    metavar="THING",
-    multiple=True,
-    help="Say where a thing is, and where to go first. THING is any word. Repeat it for several.",
-)
-@click.option("--from", "here", metavar="ROOM", help="With --find: the room of the robot.")
 @search_options
 @choice_option(
     "--mode",
@@ -96,18 +86,7 @@ _PAGES = (".html", ".htm")
 @click.option("--quiet", is_flag=True, help="Leave out the notes.")
 @force_option
 @json_option
-def main(
-    paths: tuple[Path, ...],
-    as_json: bool,
-    find: tuple[str, ...],
-    here: str | None,
-    robots: tuple[str, ...],
-    looks: tuple[str, ...],
-    costs: tuple[tuple[str, str, str], ...],
-    shows: bool,
-    quiet: bool,
-    **options: Any,
-) -> None:
+def main(paths: tuple[Path, ...], as_json: bool, shows: bool, quiet: bool, **options: Any) -> None:
     """Say which unseen objects a model expects in each room, or where one thing is.
 
     A GRAPH is a robot's partial graph: our JSON (docs/belief.md) or Spark-DSG JSON; `-` is
@@ -123,23 +102,12 @@ def main(
       bsg-belief dataset --split val --model run --out beliefs.html
     """
     dataset = _find_dataset(paths)
-    refuse_unused(_OF_GRAPH if dataset else _OF_DATASET, "a DATASET" if dataset else "a GRAPH")
-    if not find:
-        refuse_unused(_OF_SEARCH, "a question without --find")
-    if find and len(paths) > 1:
-        raise click.UsageError(f"--find: expected one GRAPH, found {' '.join(map(str, paths))}")
-    if find and not options["out"]:
-        refuse_unused(("mode", "top"), "--find without --out")
-    if not options["out"]:
-        refuse_unused(("force",), "a command without --out")
-    if robots:
-        refuse_unused(("here", "out"), "a search by several robots")
-    elif here is None:
-        refuse_unused(("budget", "speed"), "a search without --from or --robot")
-    _require_formats(options["out"])
+    _refuse_mixed(paths, dataset, options)
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
         raise click.UsageError("--open shows a page; add --out FILE.html")
+    _require_formats(options["out"])
+    find, search = options.pop("find"), read_search(options)
     model, labels, own = (options.pop(name) for name in ("model", "labels", "room_labels"))
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
@@ -151,11 +119,9 @@ def main(
 
         note(TERMS)
     answer = None
-    search = {name: options.pop(name) for name in ("chance", "task", "budget", "speed")}
-    search |= {"here": here, "robots": _read_robots(robots), "look": _read_looks(looks)}
-    search["costs"] = _read_costs(costs)
     if find:
-        answer = _ask(files[0], model, find, search, options["now"], as_json=as_json, note=note)
+        seen = _open_building(files[0], model, search, options["now"], note=note)
+        answer = find_things(seen, find, as_json=as_json, note=note, **search)
     if options["out"] or not find:
         from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 
@@ -177,6 +143,25 @@ def main(
     for page in pages if shows else ():
         if not webbrowser.open(page.resolve().as_uri()):
             print_note(f"no browser opens here; open {page} in one")
+
+
+def _refuse_mixed(paths: Sequence[Path], dataset: Path | None, options: Mapping[str, Any]) -> None:
+    """Refuse what is asked of one kind of question, and said of another."""
+    find, out, robots = options["find"], options["out"], options["robots"]
+    is_placed = robots or options["here"] is not None
+    for applies, unused, what in (
+        (dataset is not None, _OF_GRAPH, "a DATASET"),
+        (dataset is None, _OF_DATASET, "a GRAPH"),
+        (not find, OF_SEARCH, "a question without --find"),
+        (find and not out, ("mode", "top"), "--find without --out"),
+        (not out, ("force",), "a command without --out"),
+        (robots, ("here", "out"), "a search by several robots"),
+        (not is_placed, ("budget", "speed"), "a search without --from or --robot"),
+    ):
+        if applies:
+            refuse_unused(unused, what)
+    if find and len(paths) > 1:
+        raise click.UsageError(f"--find: expected one GRAPH, found {' '.join(map(str, paths))}")
 
 
 def _say_nothing(_: str) -> None:
@@ -225,8 +210,8 @@ def _print_report(
 ) -> None:
     """Print the notes on the graphs, and what is believed."""
     for file, notes in zip(files, report.notes, strict=False):
-        for said in notes:
-            note(f"{file.path}: {said}")
+        for text in notes:
+            note(f"{file.path}: {text}")
     if len(report.graphs) < report.number:
         note(f"a page shows the first {len(report.graphs):,} of {report.number:,} graphs")
     if as_json:
@@ -235,34 +220,31 @@ def _print_report(
         _print_rooms(report)
 
 
-def _ask(
+def _open_building(
     file: GraphFile,
     model: Path | str,
-    things: Sequence[str],
-    search: dict[str, Any],
+    search: Mapping[str, Any],
     now: float | None,
     *,
-    as_json: bool,
     note: Callable[[str], None],
-) -> dict[str, Any]:
-    """Answer `--find`, and return the answer for a page."""
+) -> bsg_robot.SeenBuilding:
+    """Return the building of a search, whose rooms and costs are checked before a model is read."""
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
     from bsg_robot.answers.ways import check_costs
     from bsg_robot.answers.words import find_room
     from bsg_robot.graph.reports import reclassify
 
-    for room in (search["here"], *search["robots"].values()):
-        if room is not None:  # before the model is read, which is slow
-            find_room(file.graph, room)
+    for room in filter(None, (search["here"], *search["robots"].values())):
+        find_room(file.graph, room)
     check_costs(file.graph, search["costs"])
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
     seen = bsg_robot.SeenBuilding(graph, predictor, notes=file.notes)
     if now is not None:
         seen.passes(until=now)
-    for said in seen.notes:
-        note(f"{file.path}: {said}")
-    return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)
+    for text in seen.notes:
+        note(f"{file.path}: {text}")
+    return seen
 
 
 def _open_graph(
@@ -276,75 +258,10 @@ def _open_graph(
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 
-def _read_shares(said: Sequence[str]) -> dict[str, Any]:
+def _read_shares(words: Sequence[str]) -> dict[str, Any]:
     """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
-    shares = _read_by_room("--hidden-share", said, "SHARE with a share from 0 to 1", most=1)
-    every = shares.pop("", None)
-    return {"every": every, "rooms": shares}
-
-
-def _read_looks(said: Sequence[str]) -> float | dict[str, float] | None:
-    """Return the costs of `--look`: `5` for all rooms, `kitchen=5` for one."""
-    costs = _read_by_room("--look", said, "COST with a cost of 0 or more", most=math.inf)
-    every = costs.pop("", None)
-    if every is not None and costs:
-        raise click.UsageError(
-            f"--look says {every:g} of all rooms and {', '.join(costs)} apart; leave one out"
-        )
-    return costs or None if every is None else every
-
-
-def _read_costs(said: Sequence[tuple[str, str, str]]) -> Mapping[tuple[str, str], float] | None:
-    """Return the costs of `--cost`: `hall kitchen 3.5`, `hall bath closed`."""
-    if not said:
-        return None
-    from bsg_robot.answers.ways import read_costs  # as above
-
-    return read_costs([(one, other, _read_cost(cost)) for one, other, cost in said])
-
-
-def _read_cost(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _read_by_room(
-    option: str, said: Sequence[str], expected: str, *, most: float
-) -> dict[str, float]:
-    """Return numbers by room; the empty name stands for all other rooms."""
-    numbers: dict[str, float] = {}
-    for word in said:
-        room, _, text = word.rpartition("=")
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not 0 <= number <= most:
-            raise click.UsageError(
-                f"{option} {word}: expected [ROOM=]{expected}, such as 0.4 or kitchen=0.2"
-            )
-        if numbers.setdefault(room, number) != number:
-            of = f"of {room}" if room else "of all rooms"
-            raise click.UsageError(
-                f"{option} says {numbers[room]:g} and {number:g} {of}; give one of them"
-            )
-    return numbers
-
-
-def _read_robots(said: Sequence[str]) -> dict[str, str]:
-    """Return the rooms of `--robot`, by the names of the robots."""
-    robots: dict[str, str] = {}
-    for word in said:
-        name, _, room = word.partition("=")
-        if not name or not room:
-            raise click.UsageError(f"--robot {word}: expected NAME=ROOM, such as spot=hall")
-        if robots.setdefault(name, room) != room:
-            raise click.UsageError(
-                f"--robot says that {name} is in {robots[name]} and in {room}; give one of them"
-            )
-    return robots
+    shares = read_by_room("--hidden-share", words, "SHARE with a share from 0 to 1", most=1)
+    return {"every": shares.pop("", None), "rooms": shares}
 
 
 def _encode_room(room: RoomBelief) -> dict[str, Any]:

@@ -13,33 +13,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from bsg_data import registry
-from bsg_data.errors import BSGError, RecipeError
+from bsg_data.errors import BSGError
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.observation.masks import MASKS
+from bsg_data.registry import require_known
 from bsg_data.scene.class_map import published_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.zoo.catalogue import RECIPES
-from bsg_models.zoo.catalogue import ZOO as MODELS
+from bsg_models.zoo.catalogue import RECIPES, ZOO
 
 if TYPE_CHECKING:
     from bsg_models.zoo.config import RunConfig
-
-__all__ = [
-    "MASKS",
-    "MODELS",
-    "PLANNERS",
-    "RECIPES",
-]  # registries: they read their names on first use
-
-
-def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse an unknown name and suggest the nearest known one."""
-    try:
-        registry.require_known(kind, names, known)
-    except RecipeError as error:
-        raise click.UsageError(str(error)) from error
 
 
 def load_config(name: str) -> RunConfig:
@@ -55,7 +37,7 @@ def load_run(name: str, settings: tuple[str, ...]) -> tuple[RunConfig, Path | No
     # Imported here: a help must not wait for it.
     from bsg_models.zoo.config import find_config, override, read_config, validate_config
 
-    known = (*RECIPES, *MODELS)
+    known = (*RECIPES, *ZOO)
     if name in known or not (name.endswith(".toml") or Path(name).is_file()):
         require_known("model", [name], known)
         tables = find_config(name).model_dump(mode="json")

@@ -4,15 +4,160 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import asdict
+from typing import Any, TypeVar
+
+import click
 
 import bsg_robot
+from bsg_cli.options import Function, choice_option
 from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text, make_line
+from bsg_models.belief.partial_graph import LOOK_CHANCE
 
 EXPLORE = bsg_robot.EXPLORE
+OF_SEARCH = ("here", "robots", "costs", "looks", "chance", "task", "budget", "speed")
+_Word = TypeVar("_Word", str, float)
 _MOST_ROWS, _MOST_STEPS, _MOST_HABITS = 20, 5, 3
 _SURE = 0.95  # a building that has one so surely: what the rooms have if there is one is no news
+
+
+def search_options(function: Function) -> Function:
+    """Add the options of a search: its things, its robots, its costs, and when it ends."""
+    for option in (
+        click.option(
+            "--speed",
+            type=float,
+            metavar="NUMBER",
+            help="With --find: speed of the robot in metres a second; a plan then has seconds.",
+        ),
+        click.option(
+            "--budget",
+            type=float,
+            metavar="NUMBER",
+            help="With --find: what the search may cost, in the unit of the ways, or in seconds "
+            "with --speed. The plan is the one that most likely ends within it.",
+        ),
+        choice_option(
+            "--task",
+            ["single", "all"],
+            "With --find: until one of each thing is found, or all that are there.",
+            default="single",
+        ),
+        click.option(
+            "--chance",
+            type=click.FloatRange(0, 1, min_open=True),
+            default=LOOK_CHANCE,
+            show_default=True,
+            help="With --find: chance that a look finds a thing that is there.",
+        ),
+        click.option(
+            "--look",
+            "looks",
+            multiple=True,
+            metavar="[ROOM=]COST",
+            help="With --find: cost of a look, in the unit of the ways; without ROOM in any room.  "
+            "[default: by the room's size]",
+        ),
+        click.option(
+            "--cost",
+            "costs",
+            multiple=True,
+            nargs=3,
+            metavar="ROOM ROOM COST",
+            help="With --find: cost of the way between two rooms, instead of the measured one; "
+            "`closed` for a closed door.",
+        ),
+        click.option(
+            "--robot",
+            "robots",
+            multiple=True,
+            metavar="NAME=ROOM",
+            help="With --find: one of several robots that search together, instead of --from.",
+        ),
+        click.option("--from", "here", metavar="ROOM", help="With --find: the room of the robot."),
+        click.option(
+            "--find",
+            metavar="THING",
+            multiple=True,
+            help="Say where a thing is, and where to go first. THING is any word. Repeat it for "
+            "several.",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+def read_search(options: dict[str, Any]) -> dict[str, Any]:
+    """Take the options of a search, and return them as `find_things` does."""
+    search = {name: options.pop(name) for name in OF_SEARCH}
+    return search | {
+        "robots": _read_robots(search["robots"]),
+        "look": _read_looks(search.pop("looks")),
+        "costs": _read_costs(search["costs"]),
+    }
+
+
+def _read_looks(words: Sequence[str]) -> float | dict[str, float] | None:
+    """Return the costs of `--look`: `5` for all rooms, `kitchen=5` for one."""
+    costs = read_by_room("--look", words, "COST with a cost of 0 or more", most=math.inf)
+    every = costs.pop("", None)
+    if every is not None and costs:
+        raise click.UsageError(
+            f"--look says {every:g} of all rooms and {', '.join(costs)} apart; leave one out"
+        )
+    return costs or None if every is None else every
+
+
+def _read_costs(rows: Sequence[tuple[str, str, str]]) -> Mapping[tuple[str, str], float] | None:
+    """Return the costs of `--cost`: `hall kitchen 3.5`, `hall bath closed`."""
+    if not rows:
+        return None
+    from bsg_robot.answers.ways import read_costs  # a help must not wait for NumPy
+
+    return read_costs([(start, end, _read_number(cost, cost)) for start, end, cost in rows])
+
+
+def read_by_room(
+    option: str, words: Sequence[str], expected: str, *, most: float
+) -> dict[str, float]:
+    """Return the numbers of `[ROOM=]NUMBER`; the empty name stands for all other rooms."""
+    numbers: dict[str, float] = {}
+    for word in words:
+        room, _, text = word.rpartition("=")
+        number = _read_number(text, math.nan)
+        if not 0 <= number <= most:
+            raise click.UsageError(
+                f"{option} {word}: expected [ROOM=]{expected}, such as 0.4 or kitchen=0.2"
+            )
+        _add(numbers, room, number, option=option)
+    return numbers
+
+
+def _add(table: dict[str, _Word], name: str, value: _Word, *, option: str) -> None:
+    """Add what an option says of a room or a robot; it may say it twice."""
+    if table.setdefault(name, value) != value:
+        raise click.UsageError(
+            f"{option} says {table[name]} and {value} of {name or 'all rooms'}; give one of them"
+        )
+
+
+def _read_number(text: str, otherwise: _Word) -> float | _Word:
+    try:
+        return float(text)
+    except ValueError:
+        return otherwise
+
+
+def _read_robots(words: Sequence[str]) -> dict[str, str]:
+    """Return the rooms of `--robot`, by the names of the robots."""
+    robots: dict[str, str] = {}
+    for word in words:
+        name, _, room = word.partition("=")
+        if not name or not room:
+            raise click.UsageError(f"--robot {word}: expected NAME=ROOM, such as spot=hall")
+        _add(robots, name, room, option="--robot")
+    return robots
 
 
 def find_things(
@@ -20,8 +165,8 @@ def find_things(
     things: Sequence[str],
     *,
     as_json: bool,
-    here: str | None = None,
-    note: Callable[[str], None] = print_note,
+    here: str | None,
+    note: Callable[[str], None],
     **search: Any,
 ) -> dict[str, Any]:
     """Print where things probably are in a partly seen building, and where to go first.
@@ -30,6 +175,7 @@ def find_things(
     """
     from bsg_robot.answers.description import describe_things  # as below
 
+    things = tuple(dict.fromkeys(things))
     facts = describe_things(seen, things, here=here, **search)
     if as_json:
         print_json(facts)
@@ -69,7 +215,7 @@ def _print_places(
         f"P({meaning.name})": lambda place: _percent(place.probability),
         "if there is one": lambda place: _percent(place.if_there),
         "expected more": lambda place: f"{place.expected:.2f}",
-        "seen": lambda place: ", ".join(words[one] for one in place.seen) or "–",
+        "seen": lambda place: ", ".join(words[name] for name in place.seen) or "–",
         "cost": lambda place: _cost(place.cost, unit),
     }
     order = [*columns]
@@ -112,21 +258,17 @@ def _describe_pieces(place: bsg_robot.Place) -> str:
 
 def _describe_habits(seen: bsg_robot.SeenBuilding, habits: Sequence[bsg_robot.Habit]) -> str:
     """Return what this home has taught of a thing: from what, and the likeliest places."""
-    from bsg_models.belief.clock import say_ago  # as above
+    from bsg_models.rendering.habits import Taught  # as above
 
-    graph, said = seen.graph, []
-    labels = {room.name: room.label for room in graph.rooms}
-    words = {obj.name: obj.raw_category for obj in graph.objects}
-    for one in habits[:_MOST_HABITS]:
-        room = "elsewhere" if one.room is None else _call(one.room, labels[one.room])
-        piece = "" if one.piece is None else f", {make_line(words.get(one.piece, one.piece))}"
-        last = "" if one.last is None else f", the last {say_ago(one.last, graph.now or 0.0)}"
-        seen_there = f"{one.sightings} seen{last}" if one.sightings else ""
-        why = ", ".join(filter(None, ("told" if one.told else "", seen_there)))
-        said.append(f"{room}{piece} {_percent(one.share)}{why and f' ({why})'}")
-    times = sum(one.sightings for one in habits)
-    by = f", by {times} sighting{'s' * (times > 1)}" if times else ""
-    return f"this home has taught{by}: {'; '.join(said)}"
+    taught, places = Taught(seen.graph), []
+    for habit in habits[:_MOST_HABITS]:
+        place, share, times, ago, is_told = taught.row(asdict(habit))
+        sightings = f"{times} seen{ago and f', the last {ago}'}" if times else ""
+        why = ", ".join(filter(None, (is_told and "told", sightings)))
+        places.append(f"{make_line(place)} {share}{why and f' ({why})'}")
+    times_in_all = sum(habit.sightings for habit in habits)
+    by = f", by {times_in_all} sighting{'s' * (times_in_all > 1)}" if times_in_all else ""
+    return f"this home has taught{by}: {'; '.join(places)}"
 
 
 def _print_plan(
@@ -135,12 +277,12 @@ def _print_plan(
     """Print the room to go to first, and the order of the search if it has several steps."""
     labels = {room.name: room.label for room in seen.graph.rooms}
     for robot, first in (facts["robots"] or {"": facts["go_first"]}).items():
-        said = f"no room is left to search{within}"
+        sentence = f"no room is left to search{within}"
         if first == EXPLORE:
-            said = "explore first: find the rooms that are not found yet"
+            sentence = "explore first: find the rooms that are not found yet"
         elif first is not None:
-            said = f"go first to {_call(first, labels.get(first))}"
-        print_text(f"{robot}: {said}" if robot else said)
+            sentence = f"go first to {_call(first, labels.get(first))}"
+        print_text(f"{robot}: {sentence}" if robot else sentence)
     steps, several = facts["plan"], len(facts["things"]) > 1
     if facts["found_within"]:
         print_text(f"{'all ' if several else ''}found{within}: {_percent(facts['found_within'])}")

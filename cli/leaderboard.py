@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import bsg_data
-from bsg_cli.choices import MODELS, complete_list, load_config, require_known
+from bsg_cli.choices import complete_list, load_config
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import (
     dataset_argument,
@@ -22,7 +22,9 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar, worker_pool
 from bsg_data.observation.masks import MASKS
+from bsg_data.registry import require_known
 from bsg_data.tables import format_text
+from bsg_models.zoo.catalogue import ZOO
 
 if TYPE_CHECKING:
     from bsg_models.zoo.config import RunConfig
@@ -34,7 +36,7 @@ _STEPS = {"train": "run", "measure": "model"}  # step of the work → its unit
 @dataset_argument
 @click.option(
     "--models",
-    shell_complete=complete_list(lambda ctx: MODELS),
+    shell_complete=complete_list(lambda ctx: ZOO),
     help="Zoo names and TOML files, with commas.  [default: all of the zoo]",
 )
 @click.option(
@@ -48,7 +50,7 @@ _STEPS = {"train": "run", "measure": "model"}  # step of the work → its unit
 @number_option("--draws", "Masks per building.", default=5)
 @out_option("Folder of the results.  [default: leaderboard]")
 @workers_option
-@seed_option()
+@seed_option
 @number_option("--seeds", "Number of seeds that train each model, from --seed on.", default=1)
 @force_option
 def main(
@@ -117,11 +119,11 @@ def main(
 def _choose_models(models: str | None) -> dict[str, RunConfig]:
     """Return the models of a list of zoo names and TOML files with commas; None: all of the zoo."""
     if models is None:
-        return {name: load_config(name) for name in MODELS}
+        return {name: load_config(name) for name in ZOO}
     names = [name.strip() for name in models.split(",") if name.strip()]
     if not names:
         raise click.UsageError("--models names no model; expected names with commas between them")
-    chosen = {name if name in MODELS else Path(name).stem: load_config(name) for name in names}
+    chosen = {name if name in ZOO else Path(name).stem: load_config(name) for name in names}
     if len(chosen) < len(names):
         raise click.UsageError("--models names a model twice; name each model once")
     return chosen

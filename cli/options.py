@@ -12,12 +12,10 @@ from click.core import ParameterSource
 
 import bsg_data
 from bsg_cli.choices import complete_class_map, complete_model
-from bsg_data.errors import RecipeError
 from bsg_data.observation.masks import MASKS
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 from bsg_models.belief.clock import read_now
-from bsg_models.belief.partial_graph import LOOK_CHANCE
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Decorator = Callable[[Function], Function]
@@ -39,11 +37,8 @@ class RegistryChoice(click.Choice[str]):
         return self._registry.names()
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or refuse it and list the nearest and all known names."""
-        try:
-            self._registry.require([value])
-        except RecipeError as error:
-            self.fail(str(error), param, ctx)
+        """Return the name; an unknown one is refused with the nearest, and all known names."""
+        self._registry.require([value])
         return str(value)
 
 
@@ -91,10 +86,10 @@ workers_option = click.option(
 )
 
 
-def read_now_option(_: click.Context, __: click.Parameter, said: str | None) -> float | None:
+def read_now_option(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
     """Return the time that an option says, in seconds."""
     try:
-        return None if said is None else read_now(said)
+        return None if text is None else read_now(text)
     except ValueError as error:
         raise click.BadParameter(str(error)) from None
 
@@ -126,9 +121,7 @@ def number_option(name: str, text: str, *, default: int, least: int = 1) -> Deco
     return click.option(name, type=kind, default=default, show_default=True, help=text)
 
 
-def seed_option() -> Decorator[Any]:
-    """Return `--seed`."""
-    return number_option("--seed", "Random seed.", default=0, least=0)
+seed_option = number_option("--seed", "Random seed.", default=0, least=0)
 
 
 def choice_option(name: str, names: list[str], text: str, *, default: str) -> Decorator[Any]:
@@ -163,64 +156,6 @@ def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorato
         return function
 
     return decorate
-
-
-def search_options(function: Function) -> Function:
-    """Add the options of a search: its robots, its costs, and when it ends."""
-    for option in (
-        click.option(
-            "--speed",
-            type=float,
-            metavar="NUMBER",
-            help="With --find: speed of the robot in metres a second; a plan then has seconds.",
-        ),
-        click.option(
-            "--budget",
-            type=float,
-            metavar="NUMBER",
-            help="With --find: what the search may cost, in the unit of the ways, or in seconds "
-            "with --speed. The plan is the one that most likely ends within it.",
-        ),
-        choice_option(
-            "--task",
-            ["single", "all"],
-            "With --find: until one of each thing is found, or all that are there.",
-            default="single",
-        ),
-        click.option(
-            "--chance",
-            type=click.FloatRange(0, 1, min_open=True),
-            default=LOOK_CHANCE,
-            show_default=True,
-            help="With --find: chance that a look finds a thing that is there.",
-        ),
-        click.option(
-            "--look",
-            "looks",
-            multiple=True,
-            metavar="[ROOM=]COST",
-            help="With --find: cost of a look, in the unit of the ways; without ROOM in any room.  "
-            "[default: by the room's size]",
-        ),
-        click.option(
-            "--cost",
-            "costs",
-            multiple=True,
-            nargs=3,
-            metavar="ROOM ROOM COST",
-            help="With --find: cost of the way between two rooms, instead of the measured one; "
-            "`closed` for a closed door.",
-        ),
-        click.option(
-            "--robot",
-            "robots",
-            multiple=True,
-            metavar="NAME=ROOM",
-            help="With --find: one of several robots that search together, instead of --from.",
-        ),
-    ):
-        function = option(function)
-    return function
 
 
 def split_names(text: str | None, *, option: str) -> tuple[str, ...] | None:

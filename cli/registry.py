@@ -3,22 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import click
 
 from bsg_cli import belief, data, evaluate, leaderboard, models, ros, search, serve, train
 
-COMMANDS: Mapping[str, click.Command] = MappingProxyType(
-    {
-        "bsg-data": data.main,
-        "bsg-train": train.main,
-        "bsg-evaluate": evaluate.main,
-        "bsg-leaderboard": leaderboard.main,
-        "bsg-belief": belief.main,
-        "bsg-search": search.main,
-        "bsg-serve": serve.main,
-        "bsg-ros": ros.main,
-        "bsg-models": models.main,
-    }
-)
+_ROOMS = (data, train, evaluate, leaderboard, belief, search, serve, ros, models)
+COMMANDS: Mapping[str, click.Command] = {str(room.main.name): room.main for room in _ROOMS}

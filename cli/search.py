@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import click
 
-from bsg_cli.choices import classes_of_dataset, complete_list, require_known
+from bsg_cli.choices import classes_of_dataset, complete_list
 from bsg_cli.options import (
     choice_option,
     dataset_argument,
@@ -30,6 +30,7 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data.registry import require_known
 from bsg_data.tables import format_text
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldKind
@@ -126,7 +127,7 @@ def _read_look(value: str) -> float | str:
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
 @workers_option
-@seed_option()
+@seed_option
 @force_option
 @json_option
 def main(

@@ -143,9 +143,9 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
 
     with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False) as bar:
 
-        def report(done: int, total: int, said: str = "") -> None:
+        def report(done: int, total: int, words: str = "") -> None:
             bar.total = total
-            bar.set_postfix_str(make_line(said), refresh=False)
+            bar.set_postfix_str(make_line(words), refresh=False)
             bar.update(done - bar.n)
 
         yield report
@@ -160,23 +160,23 @@ def _count_columns() -> int:
 
 
 def _tell_now_and_then(what: str, *, unit: str) -> Progress:
-    told = time.monotonic()
+    last = time.monotonic()
     first: tuple[int, float] | None = None
 
-    def report(done: int, total: int, said: str = "") -> None:
-        nonlocal told, first
+    def report(done: int, total: int, words: str = "") -> None:
+        nonlocal last, first
         now = time.monotonic()
         first = first or (done, now)
-        if now - told < SECONDS_BETWEEN_LINES or done >= total:
+        if now - last < SECONDS_BETWEEN_LINES or done >= total:
             return
-        told = now
-        words = [f"{what}: {done:,} of {total:,} {unit}s"] + [said] * bool(said)
+        last = now
+        parts = [f"{what}: {done:,} of {total:,} {unit}s"] + [words] * bool(words)
         if done > first[0]:
             from tqdm import tqdm  # noqa: TID251
 
             left = (now - first[1]) / (done - first[0]) * (total - done)
-            words.append(f"about {tqdm.format_interval(left)} left")
-        print_note(", ".join(words))
+            parts.append(f"about {tqdm.format_interval(left)} left")
+        print_note(", ".join(parts))
 
     return report
 

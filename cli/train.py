@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 import bsg_data
-from bsg_cli.choices import MODELS, complete_names_or_files, load_run
+from bsg_cli.choices import complete_names_or_files, load_run
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
@@ -18,7 +18,7 @@ from bsg_data.files import resolve_links
 from bsg_data.places import BUILD
 from bsg_data.recipes import MaskRecipe
 from bsg_data.results import name_staged
-from bsg_models.zoo.catalogue import RECIPES
+from bsg_models.zoo.catalogue import RECIPES, ZOO
 
 if TYPE_CHECKING:
     from bsg_models.runs.run_folder import EpochReport
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     "--config",
     "config_name",
     required=True,
-    help=f"What to train: a TOML file, or one of {', '.join((*RECIPES, *MODELS))}.",
+    help=f"What to train: a TOML file, or one of {', '.join((*RECIPES, *ZOO))}.",
     metavar="NAME|FILE",
-    shell_complete=complete_names_or_files(lambda: (*RECIPES, *MODELS)),
+    shell_complete=complete_names_or_files(lambda: (*RECIPES, *ZOO)),
 )
 @out_option("Folder of the run; by default `out` of the file.")
 @click.option(

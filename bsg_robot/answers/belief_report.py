@@ -179,7 +179,7 @@ def _ask_all(
 
 def _say_kind(kinds: Sequence[RoomKind]) -> str:
     """Say which kind a room is taken for; empty if none is likelier than all others."""
-    first = next((one for one in kinds if one.probability > SURE), None)
+    first = next((kind for kind in kinds if kind.probability > SURE), None)
     return "" if first is None else f"{first.name} ({first.probability:.0%})"
 
 
@@ -210,7 +210,9 @@ def _choose_streamed(
             "a format of many graphs (docs/belief.md)",
             code="graphs-several",
         )
-    many = [one for one in results if one[0].write_all is not None and one[0].name != "html"]
+    many = [
+        result for result in results if result[0].write_all is not None and result[0].name != "html"
+    ]
     if len(many) > 1 and total > MOST_HELD:
         raise RecipeError(
             f"--out {many[1][1]}: only one file takes more than {MOST_HELD} graphs, found "
@@ -275,5 +277,5 @@ def _write(
 
 def _annotates(row: FormatRow, request: BeliefRequest) -> bool:
     """Return whether a format takes the one graph of a request, which is Hydra's."""
-    one = len(request.graphs) == 1
-    return row.name == "spark-dsg" and one and request.graphs[0].document is not None
+    is_single = len(request.graphs) == 1
+    return row.name == "spark-dsg" and is_single and request.graphs[0].document is not None

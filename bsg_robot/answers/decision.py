@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,12 +27,20 @@ from bsg_models.search.looks import look_again, miss_all, overlooked_at
 from bsg_models.search.planners import next_room_by
 from bsg_models.search.plans import plan_search, split_plan
 from bsg_models.search.problem import LEAST_FIND, SearchProblem, pose_search
-from bsg_robot.answers.missed_looks import Chances
+from bsg_robot.answers.evidence import Chances
 from bsg_robot.answers.thing_belief import ThingBelief
 
 _LOOKS = 3  # into a place, that a plan may have; one if a look misses nothing
 _NOTHING = 1e-12  # a smaller probability is rounding
 _LEAST_REACHED = 0.1  # share of P(a look anywhere finds a thing)
+
+
+class Plan(NamedTuple):
+    """A plan of K robots; a robot that can reach no place has none."""
+
+    problem: SearchProblem
+    looks: Sequence[Sequence[int]]  # of each robot, by their numbers in the problem
+    places: Sequence[Sequence[int]]  # the same, by their places
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +75,10 @@ class Decision:
         """P(the next look finds any of the things), `[N]`."""
         return np.asarray(1 - (1 - self.finds[0]).prod(axis=1))
 
-    def pose(
-        self, costs: Floats, look: Floats, here: Sequence[int], *, budget: float | None = None
-    ) -> tuple[SearchProblem, Ints]:
-        """Return the search of some robots, and the place of each of its looks.
+    def plan(
+        self, costs: Floats, look: Floats, *, here: Sequence[int], budget: float | None = None
+    ) -> Plan:
+        """Return the plan of some robots.
 
         Args:
             costs: `[N, N]` of the ways between places.
@@ -77,14 +86,28 @@ class Decision:
             here: places of the robots.
             budget: of each robot.
         """
+        able = [k for k, at in enumerate(here) if np.isfinite(costs[at, self.left]).any()]
+        problem, place = self._pose(costs, look, [here[k] for k in able], budget)
+        looks = [list[int]() for _ in here]
+        if len(place) and able:
+            parts = split_plan(plan_search(problem)[0], problem)
+            for robot, (k, part) in enumerate(zip(able, parts, strict=True)):
+                open_ = [number for number in part if np.isfinite(costs[here[k], place[number]])]
+                looks[k] = problem.cut(open_, robot=robot)
+        return Plan(problem, looks, [place[part].tolist() for part in looks])
+
+    def _pose(
+        self, costs: Floats, look: Floats, here: list[int], budget: float | None
+    ) -> tuple[SearchProblem, Ints]:
+        """Return the search of some robots, and the place of each of its looks."""
         places = np.flatnonzero(self.left)
         # Nobody sends two robots into one room; and who looks for all looks everywhere once.
         again = self.task == "single" and len(here) == 1
         looks = self.finds if again else self.finds[:1]
-        finds = (looks * self.scale)[:, places].clip(LEAST_FIND, 1.0)
+        rows = np.array([*places, *here], dtype=np.int64)
         problem, place = pose_search(
-            costs[np.ix_(np.array([*places, *here], dtype=np.int64), places)][None],
-            finds[None],
+            costs[np.ix_(rows, places)][None],
+            (looks * self.scale)[:, places].clip(LEAST_FIND, 1.0)[None],
             look=0.0 if self.is_known else look[places][None],
             single=self.task == "single",
             rooms=None if self.rooms is None else self.rooms[places],
@@ -92,6 +115,32 @@ class Decision:
             budget=budget,
         )
         return problem, places[place[0]]
+
+    def choose(self, costs: Floats, look: Floats, *, here: int, planner: AnyPlanner) -> int | None:
+        """Return the place that a planner goes to; None if nothing is left to look for.
+
+        Arguments are those of `plan`. A planner that reads no belief looks into every room once
+        before it looks into one again.
+
+        Raises:
+            RecipeError: if the planner cannot be used.
+        """
+        chosen, left = find_planner(planner), self.left
+        if chosen.reads == "none" and left.any():
+            left &= np.isclose(self.missed, self.missed[left].max())
+        return next_room_by(
+            costs,
+            here=here,
+            explored=~left,
+            presence=self.finds[0],
+            look=np.zeros_like(look) if self.is_known else look,
+            task=self.task,
+            planner=chosen,
+        )
+
+    def choose_likeliest(self) -> int | None:
+        """Return the likeliest place, wherever it is; None if nothing is left."""
+        return int(self.likely.argmax()) if self.left.any() else None
 
 
 def weigh(
@@ -116,7 +165,7 @@ def weigh(
     Raises:
         RecipeError: if rooms are left, and no way leads to any of them.
     """
-    sure = np.stack([one.is_sure & open_ for one in beliefs], axis=1)
+    sure = np.stack([belief.is_sure & open_ for belief in beliefs], axis=1)
     unknown = np.asarray(~sure.any(axis=0)) if task == "single" else np.ones(len(beliefs), bool)
     nodes, every = len(open_), tuple(range(len(beliefs)))
     if not unknown.any():
@@ -126,8 +175,8 @@ def weigh(
         return Decision(finds, np.ones(left.shape[1]), np.ones(nodes), task, every, is_known=True)
     finds = np.stack(
         [
-            _find(one, chances, chance, unsure=task == "all")
-            for one, chances in zip(beliefs, looks, strict=True)
+            _find(belief, chances, chance, unsure=task == "all")
+            for belief, chances in zip(beliefs, looks, strict=True)
         ],
         axis=2,
     )
@@ -139,14 +188,14 @@ def weigh(
         )
     anywhere, left = (1 - (1 - part[0]).prod(axis=0) for part in (finds, reached))
     near = unknown & (left >= _LEAST_REACHED * anywhere)
-    kept = near if near.any() else unknown
-    things = tuple(np.flatnonzero(kept).tolist())
+    sought = near if near.any() else unknown
+    things = tuple(np.flatnonzero(sought).tolist())
     scale = np.array([beliefs[thing].tilt for thing in things])
     missed = np.ones(nodes)
     for thing in things:
         for node, chances in looks[thing].items():
             missed[node] = min(missed[node], miss_all(chances.get(None, ())))
-    return Decision(reached[..., kept], scale, missed, task, things)
+    return Decision(reached[..., sought], scale, missed, task, things)
 
 
 def _find(
@@ -168,56 +217,3 @@ def found_by(
     return look_again(
         before, chance, looks=1 if chance == 1 else _LOOKS, overlooked=overlooked_at(piece)
     )
-
-
-def choose_room(
-    decision: Decision, costs: Floats, look: Floats, *, here: int, planner: AnyPlanner
-) -> int | None:
-    """Return the node that a planner goes to; None if nothing is left to look for.
-
-    Arguments are those of `Decision.pose`. A planner that reads no belief looks into every room
-    once before it looks into one again.
-
-    Raises:
-        RecipeError: if the planner cannot be used.
-    """
-    chosen, left = find_planner(planner), decision.left
-    if chosen.reads == "none" and left.any():
-        left &= np.isclose(decision.missed, decision.missed[left].max())
-    return next_room_by(
-        costs,
-        here=here,
-        explored=~left,
-        presence=decision.finds[0],
-        look=np.zeros_like(look) if decision.is_known else look,
-        task=decision.task,
-        planner=chosen,
-    )
-
-
-def choose_likeliest(decision: Decision) -> int | None:
-    """Return the node of the likeliest room, wherever it is; None if nothing is left."""
-    return int(decision.likely.argmax()) if decision.left.any() else None
-
-
-def plan_looks(
-    decision: Decision,
-    costs: Floats,
-    look: Floats,
-    *,
-    here: Sequence[int],
-    budget: float | None = None,
-) -> tuple[SearchProblem, Ints, list[list[int]]]:
-    """Return a search of some robots, the place of each of its looks, and those of each robot.
-
-    A robot that can reach no place has none. Arguments are those of `Decision.pose`.
-    """
-    can = [k for k, at in enumerate(here) if np.isfinite(costs[at, decision.left]).any()]
-    problem, place = decision.pose(costs, look, [here[k] for k in can], budget=budget)
-    plans = [list[int]() for _ in here]
-    if len(place) and can:
-        plan = plan_search(problem)
-        for k, looks in zip(can, split_plan(plan[0], problem), strict=True):
-            open_ = (look for look in looks if np.isfinite(costs[here[k], place[look]]))
-            plans[k] = problem.cut(list(open_), robot=can.index(k))
-    return problem, place, plans

@@ -36,9 +36,9 @@ def describe_things(
     """
     if here is not None:
         here = seen.rooms[find_room(seen.graph, here) - 1]  # which may be said by its label
-    said = check_costs(seen.graph, costs)
+    given = check_costs(seen.graph, costs)
     # By ids, which are found at once; each answer looks them up again.
-    costs = {(seen.rooms[a - 1], seen.rooms[b - 1]): cost for (a, b), cost in said.items()} or None
+    costs = {(seen.rooms[a - 1], seen.rooms[b - 1]): cost for (a, b), cost in given.items()} or None
     facts: dict[str, Any] = {"things": [_describe(seen, word, here, costs) for word in things]}
     options |= {"costs": costs, "budget": budget}
     steps: Sequence[Step] = ()

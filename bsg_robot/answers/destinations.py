@@ -18,7 +18,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.partial_graph import PartialGraph, SeenObject
 from bsg_models.search.knowledge import find_costs
 from bsg_robot.answers.decision import Decision, found_by
-from bsg_robot.answers.missed_looks import Chances, missed_by
+from bsg_robot.answers.evidence import Chances, missed_by
 from bsg_robot.answers.thing_belief import ThingBelief
 from bsg_robot.answers.ways import Ways, measure_lines, place_of
 from bsg_robot.things.pieces import Furniture
@@ -109,10 +109,10 @@ def leave_rest(spots: list[Spot]) -> list[Spot]:
     Nobody looks about for more furniture in front of a cupboard that is closed, unless what was
     seen is hardly worth a look.
     """
-    *pieces, rest = spots
-    if any(not spot.looked and spot.share >= _WORTH * rest.share for spot in pieces):
-        rest = replace(rest, share=0.0)
-    return [*pieces, rest]
+    *pieces, remainder = spots
+    if any(not spot.looked and spot.share >= _WORTH * remainder.share for spot in pieces):
+        remainder = replace(remainder, share=0.0)
+    return [*pieces, remainder]
 
 
 def keep_likeliest(
@@ -126,8 +126,8 @@ def keep_likeliest(
     pieces = (k for k, spot in enumerate(spots) if spot.piece)
     ranked = sorted(pieces, key=lambda k: -spots[k].holds(belief.unseen[spots[k].node]))
     left_out = {*ranked[_MOST:]} - {start}
-    kept = [k for k in range(len(spots)) if k not in left_out]
-    return [spots[k] for k in kept], kept.index(start)
+    chosen = [k for k in range(len(spots)) if k not in left_out]
+    return [spots[k] for k in chosen], chosen.index(start)
 
 
 def weigh_spots(
@@ -157,7 +157,7 @@ def weigh_spots(
     return replace(rooms, finds=finds[:, :, None], missed=np.ones(len(nodes)), rooms=apart)
 
 
-def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways, *, said: bool) -> Floats:
+def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways, *, given: bool) -> Floats:
     """Return the costs of going from place to place, `[M, M]`.
 
     Between rooms it is the cost between their middles, and how much farther apart the places are
@@ -171,12 +171,12 @@ def measure_spots(spots: Sequence[Spot], graph: PartialGraph, ways: Ways, *, sai
         (spot.piece.position if spot.piece else None) or middle
         for spot, middle in zip(spots, middles, strict=True)
     ]
-    apart, between = (measure_lines(np.array(one)) * ways.metre for one in (ends, middles))
+    apart, between = (measure_lines(np.array(points)) * ways.metre for points in (ends, middles))
     costs = ways.costs[nodes[:, None], nodes].copy()
-    known = np.isfinite(apart) & np.isfinite(between) & (not said)
+    known = np.isfinite(apart) & np.isfinite(between) & (not given)
     costs[known] = (costs[known] + apart[known] - between[known]).clip(min=0.0)
     same = nodes[:, None] == nodes
     costs[same] = np.where(np.isfinite(apart), apart, _STEP * ways.metre)[same]
     np.fill_diagonal(costs, 0.0)
     # A way by another piece may be cheaper than the one by the middles.
-    return find_costs(costs) if not said and len(costs) <= _MOST_CLOSED else costs
+    return find_costs(costs) if not given and len(costs) <= _MOST_CLOSED else costs

@@ -86,8 +86,8 @@ def weigh_kin(kin: Iterable[Sequence[Sighting]]) -> Places:
     """
     things: dict[tuple[int, str | None], float] = defaultdict(float)
     for sightings in kin:
-        for one in sightings:
-            things[one.room_index, one.on] += 1 / len(sightings)
+        for sight in sightings:
+            things[sight.room_index, sight.on] += 1 / len(sightings)
     return {place: _KIN * n**2 / (n**2 + _HALF_KIN**2) for place, n in things.items()}
 
 
@@ -132,12 +132,12 @@ class Usual:
             places: `[N]` number of places of each node, 0 of the building.
         """
         self._left, self._hide = left, hide
-        kept, astray = prior * (places > 0), places * hide
+        usual, astray = prior * (places > 0), places * hide
         for (node, piece), share in left.items():
             if piece is None:
-                kept[node] *= share
+                usual[node] *= share
                 astray[node] *= share
-        self._usual = _share(kept)
+        self._usual = _share(usual)
         self._moved = (1 - _ASTRAY) * self._usual + _ASTRAY * _share(astray)
         self.none, self.new = np.ones(len(prior)), np.ones(len(prior))
         self.names: set[str] = set()
@@ -145,14 +145,14 @@ class Usual:
         self._pieces: dict[int, dict[str, float]] = defaultdict(dict)
 
     def add(
-        self, moved: float, weights: Places, *, there: float, last: Sighting, name: str
+        self, moved: float, weights: Places, *, stayed: float, last: Sighting, name: str
     ) -> None:
         """Add a thing that was seen.
 
         Args:
             moved: P(it is not where it was seen last, and is where the weights and the prior say).
             weights: of places, beside those of the prior.
-            there: P(it is where it was seen last).
+            stayed: P(it is where it was seen last).
             last: the last sighting.
             name: its id.
         """
@@ -160,12 +160,12 @@ class Usual:
         numbers = np.sum(self._spread(moved, weights, self._moved), axis=0)
         numbers[0] = numbers[1:].sum()
         self.new *= 1 - numbers
-        numbers[[0, last.room_index]] += there
+        numbers[[0, last.room_index]] += stayed
         self.none *= 1 - numbers
         if last.on is None:
-            self._unsaid[last.room_index] += there
+            self._unsaid[last.room_index] += stayed
         else:
-            self._put(last.room_index, last.on, there)
+            self._put(last.room_index, last.on, stayed)
 
     def add_others(self, number: float, weights: Places) -> None:
         """Add an expected number of things that nobody saw.
@@ -176,9 +176,9 @@ class Usual:
         if not number:
             return
         apart, together = (part / number for part in self._spread(number, weights, self._usual))
-        share, kept = apart.sum(), together.sum()
+        share, joint = apart.sum(), together.sum()
         alone = np.exp(-number * apart / (share or 1.0))
-        none = share * alone + kept - together * -math.expm1(-number) + (1 - share - kept)
+        none = share * alone + joint - together * -math.expm1(-number) + (1 - share - joint)
         none[0] *= math.exp(-number)
         self._have(none)
 
@@ -231,8 +231,8 @@ class Usual:
         left = [self._left.get((node, piece.name), 1.0) for piece in before.pieces]
         alike = before.rates.sum() / len(before.rates)
         astray = _ASTRAY if self.names else 0.0
-        *each, rest = (1 - astray) * before.rates + astray * alike
-        rates = np.array([*(each * np.array(left)), *np.zeros(len(more)), rest])
+        *each, unseen = (1 - astray) * before.rates + astray * alike
+        rates = np.array([*(each * np.array(left)), *np.zeros(len(more)), unseen])
         pieces, loose = (*before.pieces, *more), float(self._loose[node])
         at = np.array([*(known.pop(piece.name, 0.0) for piece in pieces), 0.0])
         # What was seen, and nobody said on what, is on a piece that was seen.

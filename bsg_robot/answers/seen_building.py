@@ -24,20 +24,13 @@ from bsg_data.sources.room_words import RoomWords
 from bsg_data.words.shown import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import LOOK_CHANCE, PartialGraph
+from bsg_models.belief.partial_graph import LOOK_CHANCE
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import PLANNERS, AnyPlanner, find_planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.planners import require_task
-from bsg_models.search.problem import SearchProblem
-from bsg_robot.answers.decision import (
-    Decision,
-    choose_likeliest,
-    choose_room,
-    plan_looks,
-    weigh,
-)
+from bsg_robot.answers.decision import Decision, Plan, weigh
 from bsg_robot.answers.destinations import (
     LOOK_AT,
     is_there,
@@ -57,8 +50,9 @@ from bsg_robot.answers.place import (
     RoomKind,
     Step,
 )
+from bsg_robot.answers.posterior import Sought
+from bsg_robot.answers.robot_map import RobotMap, alone
 from bsg_robot.answers.thing_belief import ThingBelief
-from bsg_robot.answers.told_building import ToldBuilding, alone
 from bsg_robot.answers.ways import (
     AnyLook,
     Costs,
@@ -68,9 +62,7 @@ from bsg_robot.answers.ways import (
     cost_looks,
     list_lost,
     measure_ways,
-    place_of,
 )
-from bsg_robot.answers.weighed_graph import Sought
 from bsg_robot.answers.words import Meaning, find_room
 from bsg_robot.graph.graph_file import open_graph_file, parse_graph
 from bsg_robot.graph.reports import reclassify
@@ -113,16 +105,18 @@ def open_graph(
 class _Search(NamedTuple):
     """How a robot searches: see `SeenBuilding.next_room`."""
 
-    costs: Costs | None
-    look: AnyLook | None
-    chance: float
-    task: Task
-    budget: float | None
-    speed: float | None
+    costs: Costs | None = None
+    look: AnyLook | None = None
+    chance: float = LOOK_CHANCE
+    task: Task = "single"
+    budget: float | None = None
+    speed: float | None = None
 
     def check(self) -> None:
-        """Refuse what is no task, budget or speed."""
+        """Refuse what is no task, chance, budget or speed."""
         require_task(self.task)
+        if not read_number("chance", self.chance, most=1.0):
+            raise RecipeError("chance: expected above 0, found 0", code="chance-zero")
         if self.budget is not None:
             read_number("budget", self.budget, most=_MOST)
         if self.speed is not None and read_number("speed", self.speed, most=_MOST) < _SLOWEST:
@@ -137,19 +131,7 @@ class _Search(NamedTuple):
         return self.budget * self.speed * ways.metre
 
 
-class _Plan(NamedTuple):
-    """A plan of some robots, and what it was made of."""
-
-    decision: Decision
-    beliefs: Sequence[ThingBelief]
-    problem: SearchProblem
-    ways: Ways
-    costs: Floats  # `[N]` of a look
-    looks: Sequence[Sequence[int]]  # of each robot, by their numbers in the problem
-    nodes: Sequence[Sequence[int]]  # the same, by their rooms
-
-
-class SeenBuilding(ToldBuilding):
+class SeenBuilding(RobotMap):
     """What a robot has seen of one building; the robot reports to it and asks it.
 
     Reports change this object: `saw`, `gone`, `looked`, `entered`, `searched`, `discovered`,
@@ -157,33 +139,18 @@ class SeenBuilding(ToldBuilding):
     `anywhere`, `habits`, `expected`, `kinds`, `next_room`, `next_rooms`, `explain` and `belief`.
     The state is one immutable `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
 
-    A thing is any word. A room is its id, or its label if no other room has it. A word that means
-    no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
+    A thing is any word. A room is its id, or its label if no other room has it. What cannot be,
+    such as a word that means no thing, a name that means no room, or a number out of its range,
+    raises `RecipeError` and changes nothing. The object is thread-safe.
     """
-
-    _measured: tuple[PartialGraph, Costs | None, Ways] | None = None
 
     @overload
     def where(
-        self,
-        thing: str,
-        *,
-        here: str | None = None,
-        costs: Costs | None = None,
-        within: None = None,
-        tidy: float = TIDY,
+        self, thing: str, *, here: str | None = ..., costs: Costs | None = ..., tidy: float = ...
     ) -> tuple[Place, ...]: ...
 
     @overload
-    def where(
-        self,
-        thing: str,
-        *,
-        here: str | None = None,
-        costs: Costs | None = None,
-        within: str,
-        tidy: float = TIDY,
-    ) -> tuple[Piece, ...]: ...
+    def where(self, thing: str, *, within: str, tidy: float = ...) -> tuple[Piece, ...]: ...
 
     def where(
         self,
@@ -242,14 +209,16 @@ class SeenBuilding(ToldBuilding):
             for node, room in enumerate(rooms, 1)
         ]
         if belief.seen[0]:
-            ids, there = tuple([obj.name for obj in belief.seen[0]]), is_there(belief.seen[0])
-            places.append(Place(None, None, there, min(1.0, there / anywhere), 0.0, 0.0, ids, None))
+            ids, present = tuple([obj.name for obj in belief.seen[0]]), is_there(belief.seen[0])
+            places.append(
+                Place(None, None, present, min(1.0, present / anywhere), 0.0, 0.0, ids, None)
+            )
         if self._now.nodes > 1 + len(rooms):
             new = slice(len(rooms) + 1, None)
-            there, more = belief.somewhere(new), float(belief.expected[new].sum())
+            present, more = belief.somewhere(new), float(belief.expected[new].sum())
             way = None if here is None else self.ways(costs).usual
-            share = min(1.0, there / anywhere)
-            places.append(Place(EXPLORE, NOT_FOUND, there, share, there, more, (), way))
+            share = min(1.0, present / anywhere)
+            places.append(Place(EXPLORE, NOT_FOUND, present, share, present, more, (), way))
         return tuple(
             sorted(places, key=lambda p: (-p.probability, math.inf if p.cost is None else p.cost))
         )
@@ -344,16 +313,11 @@ class SeenBuilding(ToldBuilding):
         Returns:
             Its id; `explore` if rooms that are not found yet are worth more; None if no room is
             left to search, or none within the budget.
-
-        Raises:
-            RecipeError: also if the planner cannot be used, a number cannot be, or no way leads to
-                a room that is left.
         """
         chosen, search = find_planner(planner), _Search(costs, look, chance, task, budget, speed)
         search.check()
         if here is not None and chosen == PLANNERS["expected-cost"]:
-            nodes = self._plan(things, [here], search).nodes[0]
-            return self._name(nodes[0]) if nodes else None
+            return self._first(self._plan(things, [here], search)[0].places[0])
         if budget is not None:
             raise RecipeError(
                 "budget: needs `here`, the robot's room, and the planner expected-cost",
@@ -362,12 +326,11 @@ class SeenBuilding(ToldBuilding):
         if here is None:
             if costs is not None or look is not None:
                 self._cost(costs, look)  # what is said must be right, though it does not count
-            node = choose_likeliest(self._weigh(things, [], None, chance, task)[0])
+            node = self._weigh(things, [], None, search)[0].choose_likeliest()
         else:
-            start = find_room(self.graph, here)
-            ways, looks = self._cost(costs, look)
-            decision, _ = self._weigh(things, [start], ways, chance, task)
-            node = choose_room(decision, ways.costs, looks, here=start, planner=chosen)
+            start, (ways, looks) = find_room(self.graph, here), self._cost(costs, look)
+            decision, _ = self._weigh(things, [start], ways, search)
+            node = decision.choose(ways.costs, looks, here=start, planner=chosen)
         return None if node is None else self._name(node)
 
     @alone
@@ -397,27 +360,22 @@ class SeenBuilding(ToldBuilding):
         Returns:
             A room, and a piece there; without a piece, enter the room, or look about in it for more
             furniture. None if nothing is left to search.
-
-        Raises:
-            RecipeError: as `next_room`, and if there is no such piece.
         """
         start, sought = find_room(self.graph, here), self._now.seek(thing)
+        search = _Search(costs, chance=chance)
+        search.check()
         piece = None if at is None else self._find_piece(at, start).name
         ways, looks = self._cost(costs, None)
         look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=_MOST)
-        rooms, (belief,) = self._weigh(thing, [start], ways, chance, "single")
+        rooms, (belief,) = self._weigh(thing, [start], ways, search)
         spots, place = keep_likeliest(self._now.list_places(sought), belief, here=start, at=piece)
         each = [looks[spot.node] if spot.piece is None else look_at for spot in spots]
-        _, place_of_look, (plan,) = plan_looks(
-            weigh_spots(spots, belief, rooms, chance=chance),
-            measure_spots(spots, self.graph, ways, said=costs is not None),
-            np.array(each),
-            here=[place],
-        )
-        if not plan:
+        between = measure_spots(spots, self.graph, ways, given=costs is not None)
+        decision = weigh_spots(spots, belief, rooms, chance=chance)
+        (order,) = decision.plan(between, np.array(each), here=[place]).places
+        if not order:
             return None
-        chosen = spots[place_of_look[plan[0]]]
-        return Destination(self._name(chosen.node), chosen.name)
+        return Destination(self._name(spots[order[0]].node), spots[order[0]].name)
 
     @alone
     def next_rooms(
@@ -456,11 +414,8 @@ class SeenBuilding(ToldBuilding):
                 code="robots-none",
             )
         search = _Search(costs, look, chance, task, budget, speed)
-        plan = self._plan(things, [*robots.values()], search)
-        return {
-            robot: self._name(nodes[0]) if nodes else None
-            for robot, nodes in zip(robots, plan.nodes, strict=True)
-        }
+        plan = self._plan(things, [*robots.values()], search)[0]
+        return {robot: self._first(n) for robot, n in zip(robots, plan.places, strict=True)}
 
     @alone
     def explain(
@@ -480,15 +435,17 @@ class SeenBuilding(ToldBuilding):
         Arguments are those of `next_room`. A room comes again where a second look is worth it.
         Several rooms in a row that are not found yet are one step.
         """
-        plan = self._plan(things, [here], _Search(costs, look, chance, task, budget, speed))
-        (nodes,), (looks,) = plan.nodes, plan.looks
-        found = plan.problem.found(looks)
-        sought = [plan.beliefs[number].probability for number in plan.decision.things]
-        likely = 1 - np.prod([1 - one for one in sought], axis=0)
+        search = _Search(costs, look, chance, task, budget, speed)
+        plan, decision, beliefs = self._plan(things, [here], search)
+        (ways, costs_of_looks), (nodes,) = self._cost(costs, look), plan.places
+        found = plan.problem.found(plan.looks[0])
+        sought = [beliefs[number].probability for number in decision.things]
+        likely = 1 - np.prod([1 - probability for probability in sought], axis=0)
         steps: list[Step] = []
         spent, at = 0.0, find_room(self.graph, here)
         for number, node in enumerate(nodes):
-            way, cost = float(plan.ways.costs[at, node]), float(plan.costs[node])
+            way = float(ways.costs[at, node])
+            cost = 0.0 if decision.is_known else float(costs_of_looks[node])
             spent, at = spent + way + cost, node
             step = Step(
                 room=self._name(node),
@@ -498,7 +455,7 @@ class SeenBuilding(ToldBuilding):
                 look=cost,
                 found=float(found[number].prod()),
                 any_found=float(1 - (1 - found[number]).prod()),
-                seconds=None if speed is None else spent / plan.ways.metre / speed,
+                seconds=None if speed is None else spent / ways.metre / speed,
             )
             if steps and step.room == EXPLORE == steps[-1].room:
                 step = _join(steps.pop(), step)
@@ -544,17 +501,8 @@ class SeenBuilding(ToldBuilding):
 
     @alone
     def ways(self, costs: Costs | None = None) -> Ways:
-        """Return the costs of going from room to room, at most 2,000, or 1,400 in a dense graph.
-
-        Raises:
-            RecipeError: also if there are more rooms, or a cost is not 0 or more.
-        """
-        known, costs = self._measured, dict(costs) if isinstance(costs, Mapping) else costs
-        if known is None or known[1] != costs or not _are_alike(known[0], self.graph):
-            known = self._measured = self.graph, costs, measure_ways(self.graph, costs)
-            for part in (known[2].edges, known[2].costs):
-                part.flags.writeable = False  # others are answered by it, too
-        return known[2]
+        """Return the costs of going from room to room, at most 2,000, or 1,400 in a dense graph."""
+        return measure_ways(self.graph, costs)
 
     def _known_costs(self, here: str, costs: Costs | None) -> dict[int, float]:
         """Return the cost of the way from a room to each node, without ways that are guessed."""
@@ -582,57 +530,48 @@ class SeenBuilding(ToldBuilding):
         every = np.concatenate([looks[:-1], np.repeat(looks[-1], more)])
         return add_places(ways, more) if more else ways, every
 
-    def _plan(self, things: str | Sequence[str], robots: Sequence[str], search: _Search) -> _Plan:
-        """Return the plan of some robots, by their rooms."""
+    def _first(self, nodes: Sequence[int]) -> str | None:
+        return self._name(nodes[0]) if nodes else None
+
+    def _plan(
+        self, things: str | Sequence[str], robots: Sequence[str], search: _Search
+    ) -> tuple[Plan, Decision, list[ThingBelief]]:
+        """Return the plan of some robots, by their rooms, and what it was made of."""
         search.check()
         here = [find_room(self.graph, room) for room in robots]
         ways, looks = self._cost(search.costs, search.look)
-        budget = search.spend(ways)
-        decision, beliefs = self._weigh(things, here, ways, search.chance, search.task)
-        problem, place, plans = plan_looks(decision, ways.costs, looks, here=here, budget=budget)
-        nodes = [[int(place[one]) for one in plan] for plan in plans]
-        each = np.zeros_like(looks) if decision.is_known else looks
-        return _Plan(decision, beliefs, problem, ways, each, plans, nodes)
+        decision, beliefs = self._weigh(things, here, ways, search)
+        plan = decision.plan(ways.costs, looks, here=here, budget=search.spend(ways))
+        return plan, decision, beliefs
 
     def _weigh(
         self,
         things: str | Sequence[str],
         here: Sequence[int],
         ways: Ways | None,
-        chance: float,
-        task: Task,
+        search: _Search,
     ) -> tuple[Decision, list[ThingBelief]]:
         """Return what a decision depends on, and what is believed of the things."""
         words = _list_words(things)
-        if not read_number("chance", chance, most=1.0):
-            raise RecipeError("chance: expected above 0, found 0", code="chance-zero")
         # A thing that is asked for in two words is one thing.
         meanings = {_key_of(self._words.understand(word)): word for word in reversed(words)}
-        distinct = [word for word in words if word in meanings.values()]
-        sought = [self._now.seek(word) for word in distinct]
-        beliefs, looks = [one.belief for one in sought], [one.looks for one in sought]
+        sought = [self._now.seek(word) for word in words if word in meanings.values()]
+        beliefs, looks = [thing.belief for thing in sought], [thing.looks for thing in sought]
         open_: Bools = np.ones(self._now.nodes, dtype=bool)  # from wherever the robot is
         if ways is not None:
             open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))
+        chance, task = search.chance, search.task
         found = weigh(beliefs, looks, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
 
 
-def _are_alike(one: PartialGraph, other: PartialGraph) -> bool:
-    """Return whether rooms are at the same places and connect in the same way."""
-    places = ([*map(place_of, graph.rooms)] for graph in (one, other))
-    return one.adjacency == other.adjacency and next(places) == next(places)
-
-
 def _list_words(things: str | Sequence[str]) -> list[str]:
-    if not isinstance(things, str | Sequence):
+    if not isinstance(things, str | Sequence) or not len(things):
         raise RecipeError(
-            f"things: expected a word or several, found {show_value(things)}", code="things-none"
+            f"things: expected one word or several, found {show_value(things)}",
+            code="things-none",
         )
-    words = [things] if isinstance(things, str) else [*things]
-    if not words:
-        raise RecipeError("things: expected one word or more, found none", code="things-none")
-    return words
+    return [things] if isinstance(things, str) else [*things]
 
 
 def _key_of(meaning: Meaning) -> tuple[object, ...]:

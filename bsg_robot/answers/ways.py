@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.words.shown import SHOWN, show_value
@@ -26,9 +26,11 @@ MOST_PAIRS = 10_000  # of rooms, in a list of costs
 CLOSED = "closed"  # instead of a cost
 Costs = Mapping[tuple[str, str], float]
 AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
+GivenCosts: TypeAlias = tuple[tuple[tuple[int, int], float], ...]  # of two rooms, by index
 _DAY = 24.0  # hours after which half of what is sought may have come into a room
 _MOST = 1e9
 _MOST_USUAL = 4 * USUAL_WAY
+_NOWHERE = (math.nan,) * 3
 Unit = Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
 
 
@@ -53,45 +55,77 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
 
     `costs` of pairs of rooms replace the measured ones, in both directions; ∞ closes a way. What is
     guessed makes no way shorter than it was said.
+
+    Raises:
+        RecipeError: for too many rooms, and as `check_costs`.
     """
-    rooms = len(graph.rooms)
-    if rooms > MOST_ROOMS:
+    if len(graph.rooms) > MOST_ROOMS:
         raise RecipeError(
             f"{graph.scene_id}: expected at most {MOST_ROOMS:,} rooms to measure ways between, "
-            f"found {rooms:,}; ask without the robot's room, or about a part of the building",
+            f"found {len(graph.rooms):,}; ask without the robot's room, or about a part of the "
+            "building",
             code="rooms-too-many",
             where=graph.scene_id,
         )
-    lines, said = _straight_lines(graph), check_costs(graph, costs)
-    finite = [cost for cost in said.values() if 0 < cost < math.inf]
-    pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
-    if not len(pairs):
-        pairs = np.argwhere(np.triu(np.ones((rooms, rooms), dtype=bool), k=1)) + 1
-    a, b = pairs.T
+    given = tuple(check_costs(graph, costs).items())
+    return _measure(tuple(map(place_of, graph.rooms)), graph.adjacency, given)
+
+
+@lru_cache(maxsize=2)  # one building is asked about again and again
+def _measure(
+    places: tuple[tuple[float, ...] | None, ...],
+    adjacency: tuple[tuple[int, int], ...],
+    given: GivenCosts,
+) -> Ways:
+    """Return the ways between rooms at some places; `given` are costs that replace the measured."""
+    lines = measure_lines(np.array([_NOWHERE, *(place or _NOWHERE for place in places)]))
+    a, b = np.array(adjacency, dtype=np.int64).reshape(-1, 2).T
+    if not adjacency:
+        a, b = np.triu_indices(len(places), k=1) + np.ones((2, 1), dtype=np.int64)
     measured = lines[a, b][np.isfinite(lines[a, b])]
-    usual = _usual_way(measured if graph.adjacency else _nearest(lines), finite)
-    known = np.full(lines.shape, np.inf)
-    known[a, b] = known[b, a] = lines[a, b]
-    edges = known.copy()
+    positive = [cost for _, cost in given if 0 < cost < math.inf]
+    usual = _usual_way(measured if adjacency else _nearest(lines), positive)
+    certain = np.full(lines.shape, np.inf)  # edges without those that are guessed
+    certain[a, b] = certain[b, a] = lines[a, b]
+    edges = certain.copy()
     edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], usual)
-    if graph.adjacency:
+    if adjacency:
         _join_parts(edges, lines, usual)
-    for (one, other), cost in said.items():
-        for some in (edges, known):
-            some[one, other] = some[other, one] = cost
-    unit: Unit = "m" if len(measured) else "given" if finite else "rooms"
+    for (start, end), cost in given:
+        for table in (edges, certain):
+            table[start, end] = table[end, start] = cost
+    costs = _shorten(edges, certain, given, is_joined=bool(adjacency))
+    edges.flags.writeable = costs.flags.writeable = False  # others are answered by them, too
+    unit: Unit = "m" if len(measured) else "given" if positive else "rooms"
     # Costs that are given beside positions are in metres, or the robot drives 1 m/s.
-    metre = 1.0 if len(measured) else usual / USUAL_WAY
-    return Ways(edges, _shorten(edges, known, said, graph), unit, usual, metre)
+    return Ways(edges, costs, unit, usual, 1.0 if len(measured) else usual / USUAL_WAY)
 
 
-def _usual_way(measured: Floats, said: list[float]) -> float:
-    """Return the median of the ways that are measured, or else said; 1 if there are none.
+def _shorten(edges: Floats, certain: Floats, given: GivenCosts, *, is_joined: bool) -> Floats:
+    """Return the costs of the cheapest ways; what is guessed shortens none that is certain.
+
+    If rooms are said to be adjacent (`is_joined`), only those ways are certain that are given.
+    """
+    if not is_joined and not given:
+        return np.where(np.eye(len(edges), dtype=bool), 0.0, edges)
+    costs = find_costs(edges)
+    if given:
+        least = find_costs(certain)
+        ends: Ints = np.argwhere(np.isfinite(least))
+        if is_joined:
+            ends = np.array([pair for pair, _ in given if np.isfinite(least[pair])], ends.dtype)
+        a, b = ends.reshape(-1, 2).T
+        costs[a, b] = costs[b, a] = least[a, b]
+    return costs
+
+
+def _usual_way(measured: Floats, given: list[float]) -> float:
+    """Return the median of the ways that are measured, or else given; 1 if there are none.
 
     Of metres, it is not more than several usual ways: one garage far away says little.
     """
-    some = measured if len(measured) else np.array(said)
-    usual = float(np.quantile(some, 0.5, method="lower")) if len(some) else 1.0
+    lengths = measured if len(measured) else np.array(given)
+    usual = float(np.quantile(lengths, 0.5, method="lower")) if len(lengths) else 1.0
     return min(usual, _MOST_USUAL) if len(measured) else usual
 
 
@@ -101,52 +135,24 @@ def _nearest(lines: Floats) -> Floats:
     return np.asarray(near[np.isfinite(near)])
 
 
-def _shorten(
-    edges: Floats, known: Floats, said: Mapping[tuple[int, int], float], graph: PartialGraph
-) -> Floats:
-    """Return the costs of the cheapest ways; what is guessed shortens none that is known.
-
-    If rooms are said to be adjacent, only those ways are known that are said.
-    """
-    if not graph.adjacency and not said:
-        costs = edges.copy()
-        np.fill_diagonal(costs, 0.0)
-        return costs
-    costs = find_costs(edges)
-    if said:
-        sure = find_costs(known)
-        stay = np.isfinite(sure)
-        if graph.adjacency:
-            a, b = np.array([*said]).T
-            stay = np.zeros_like(stay)
-            stay[a, b] = stay[b, a] = np.isfinite(sure[a, b])
-        costs[stay] = sure[stay]
-    return costs
-
-
 def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int], float]:
     """Return the costs of ways that a robot says, by the indices of two rooms.
 
     Raises:
         RecipeError: for what is no cost of 0 or more between two rooms of the graph.
     """
-    form = 'such as {("hall", "kitchen"): 3.5}'
-    if not isinstance(costs, Mapping | None):
-        raise RecipeError(
-            f"costs: expected two rooms → cost, {form}, found {show_value(costs)}",
-            code="costs-malformed",
+    is_table = isinstance(costs, Mapping | None)
+    if not is_table or not all(isinstance(e, tuple) and len(e) == 2 for e in costs or ()):
+        raise _refuse_costs(
+            'expected two rooms → cost, such as {("hall", "kitchen"): 3.5}, found '
+            f"{show_value(costs)}"
         )
     find = cache(partial(find_room, graph))  # a room that connects with many is said often
     found = {}
     for ends, cost in (costs or {}).items():
-        if not isinstance(ends, tuple) or len(ends) != 2:
-            raise RecipeError(
-                f"costs: expected two rooms, {form}, found {show_value(ends)}",
-                code="costs-malformed",
-            )
         what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
-        one, other = (find(str(end)) for end in ends)
-        found[one, other] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
+        start, end = (find(str(room)) for room in ends)
+        found[start, end] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
     return found
 
 
@@ -178,16 +184,9 @@ def list_lost(graph: PartialGraph) -> set[int]:
     return lost if len(lost) < len(graph.rooms) else set()
 
 
-def _straight_lines(graph: PartialGraph) -> Floats:
-    """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
-    nowhere = (np.nan, np.nan, np.nan)
-    places = np.array([nowhere, *(place_of(room) or nowhere for room in graph.rooms)])
-    return measure_lines(places)
-
-
 def measure_lines(places: Floats) -> Floats:
     """Return the straight distances between places `[M, 3]`, `[M, M]`; ∞ where one is unknown."""
-    squares = [(one[:, None] - one) ** 2 for one in places.T]
+    squares = [(axis[:, None] - axis) ** 2 for axis in places.T]
     lines = np.sqrt(sum(squares))
     return np.where(np.isnan(lines), np.inf, lines)
 
@@ -204,12 +203,10 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
 
     A part of which no place is known is joined to the first room.
     """
-    there, known = np.isfinite(edges), np.isfinite(lines)
-    if _is_whole(there[1:, 1:]):
-        return
+    joined, known = np.isfinite(edges), np.isfinite(lines)
     last = np.max(lines, where=known, initial=0) + np.arange(1.0, lines.size + 1)
     weights = np.where(known, lines, last.reshape(lines.shape)) + 1
-    weights[there] = 0.5  # an edge that is there comes first
+    weights[joined] = 0.5  # an edge of the graph comes first
     weights = np.triu(weights, k=1)
     weights += weights.T
     near, nearest = weights[1].copy(), np.ones(len(weights), dtype=np.int64)
@@ -217,56 +214,46 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
     for _ in range(len(weights) - 2):  # Prim's: the tree grows by the room that is nearest to it
         b = int(near.argmin())
         a = nearest[b]
-        if not there[a, b]:
+        if not joined[a, b]:
             edges[a, b] = edges[b, a] = lines[a, b] if known[a, b] else 2 * usual
         closer = (weights[b] < near) & np.isfinite(near)
         near[closer], nearest[closer] = weights[b, closer], b
         near[b] = np.inf
 
 
-def _is_whole(joined: Bools) -> bool:
-    """Return whether all rooms `[R, R]` connect."""
-    reached = np.zeros(len(joined), dtype=bool)
-    new = np.arange(min(1, len(joined)))
-    while len(new):
-        reached[new] = True
-        new = np.flatnonzero(joined[new].any(axis=0) & ~reached)
-    return bool(reached.all())
-
-
-def check_look(said: Any) -> AnyLook | None:
+def check_look(look: Any) -> AnyLook | None:
     """Return what a robot says of the cost of its looks: a number, or room → number.
 
     Raises:
         RecipeError: for a cost that is no number of 0 or more.
     """
-    if said is None:
+    if look is None:
         return None
-    if not isinstance(said, Mapping):
-        return read_number("look", said, most=_MOST)
+    if not isinstance(look, Mapping):
+        return read_number("look", look, most=_MOST)
     return {
         str(name): read_number(f"look: {str(name)[:SHOWN]!r}", cost, most=_MOST)
-        for name, cost in said.items()
+        for name, cost in look.items()
     }
 
 
-def read_costs(said: Any) -> Costs | None:
+def read_costs(rows: Any) -> Costs | None:
     """Return the costs of ways from a list of [room, room, cost]; `closed` is ∞.
 
     Raises:
         RecipeError: for another form, a cost that is no number of 0 or more, or two of one way.
     """
-    if said is None:
+    if rows is None:
         return None
     form = f'[room, room, cost or "{CLOSED}"]'
-    if not isinstance(said, list | tuple):
-        raise _refuse_costs(f"expected a list of {form}, found {show_value(said)}")
-    if len(said) > MOST_PAIRS:
-        raise _refuse_costs(f"expected at most {MOST_PAIRS:,} ways, found {len(said):,}")
+    if not isinstance(rows, list | tuple) or len(rows) > MOST_PAIRS:
+        raise _refuse_costs(
+            f"expected a list of at most {MOST_PAIRS:,} {form}, found {show_value(rows)}"
+        )
     costs: dict[tuple[str, str], float] = {}
-    for row in said:
+    for row in rows:
         ends = [*map(spell_id, row[:2])] if isinstance(row, list | tuple) else []
-        if len(ends) != 2 or len(row) != 3 or not all(isinstance(end, str) for end in ends):
+        if len(ends) != 2 or len(row) != 3 or not all(isinstance(room, str) for room in ends):
             raise _refuse_costs(f"expected {form}, found {show_value(row)}")
         what = " to ".join(map(show_value, ends))
         cost, wanted = row[2], f"0 to {_MOST:g}, or {CLOSED!r}"
@@ -274,10 +261,10 @@ def read_costs(said: Any) -> Costs | None:
             cost = math.inf
         else:
             cost = read_number(f"costs: {what}", cost, most=_MOST, wanted=wanted)
-        one, other = ends
-        if costs.get((one, other), cost) != cost or costs.get((other, one), cost) != cost:
+        start, end = ends
+        if costs.get((start, end), cost) != cost or costs.get((end, start), cost) != cost:
             raise _refuse_costs(f"{what}: two different ones; leave one out")
-        costs[one, other] = cost
+        costs[start, end] = cost
     return costs
 
 
@@ -285,25 +272,14 @@ def _refuse_costs(what: str) -> RecipeError:
     return RecipeError(f"costs: {what}", code="costs-malformed", where="costs")
 
 
+_COST = {"type": "number", "minimum": 0}
+_WAY = {"type": "array", "minItems": 3, "maxItems": 3}
+_WAY |= {"items": {"anyOf": [{"type": "string"}, _COST]}}
 SaidCosts = Annotated[
     Costs | None,
     PlainValidator(read_costs),
     WithJsonSchema(
-        {
-            "anyOf": [
-                {
-                    "type": "array",
-                    "maxItems": MOST_PAIRS,
-                    "items": {
-                        "type": "array",
-                        "minItems": 3,
-                        "maxItems": 3,
-                        "items": {"anyOf": [{"type": "string"}, {"type": "number", "minimum": 0}]},
-                    },
-                },
-                {"type": "null"},
-            ]
-        }
+        {"anyOf": [{"type": "array", "maxItems": MOST_PAIRS, "items": _WAY}, {"type": "null"}]}
     ),
 ]
 SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a piece, or of all
@@ -312,13 +288,7 @@ SaidLook = Annotated[  # as a field of what people and programs ask
     AnyLook | None,
     PlainValidator(check_look),
     WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "number", "minimum": 0},
-                {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
-                {"type": "null"},
-            ]
-        }
+        {"anyOf": [_COST, {"type": "object", "additionalProperties": _COST}, {"type": "null"}]}
     ),
 ]
 

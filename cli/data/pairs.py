@@ -45,7 +45,7 @@ from bsg_data import extend
     help="With --mask tour: number of rooms that were found, instead of --fraction of them.",
 )
 @number_option("--draws", "Masks per building.", default=10)
-@seed_option()
+@seed_option
 @workers_option
 @force_option
 def pairs(

@@ -27,7 +27,7 @@ from bsg_cli.terminal import Command, print_text
     help="Use the source's val split as test, and 10 % of its train split as val.",
 )
 @click.option("--folds", type=click.IntRange(min=3), help="Number of folds, for cross-validation.")
-@seed_option()
+@seed_option
 @force_option
 def split(
     dataset: Path,

@@ -14,7 +14,7 @@ from bsg_cli.terminal import Command, print_text, progress_bar
 @click.command("synth", cls=Command)
 @out_option("Folder to write.", required=True)
 @number_option("--scenes", "Number of buildings.", default=20)
-@seed_option()
+@seed_option
 @force_option
 def synth(out: Path, scenes: int, seed: int, force: bool) -> None:
     """Write synthetic buildings as HM3D has them, and a room layout of each.

@@ -102,18 +102,6 @@ def test_masked_buildings_give_a_belief_graph_each(
     assert {answer["scene_id"] for answer in json.loads(one.stdout)} == {answers[0]["scene_id"]}
 
 
-def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
-    said = json.loads(OFFICE.read_text("utf-8"))
-    said["objects"][0]["category"] = "zzqx thing"
-    said["objects"][1]["category"] = said["objects"][2]["category"] = "refrigeratorr"
-    said["source"] = "my robot"
-    (tmp_path / "graph.json").write_text(json.dumps(said))
-    done = call(tmp_path / "graph.json", "--model", run)
-    assert "not in the class map, ignored: 'zzqx thing' (1×)\n" in done.stderr
-    assert "'refrigeratorr' is 'refrigerator' (spelling)" in done.stderr
-    assert "source 'my robot' is read as unknown; models know hm3d, behavior" in done.stderr
-
-
 @pytest.mark.parametrize(
     ("words", "code"),
     [
@@ -133,15 +121,6 @@ def test_what_cannot_be_done_is_refused(
 ) -> None:
     monkeypatch.chdir(dataset.parent)
     assert call(*words, "--model", run, code=code).stdout == ""
-
-
-def test_words_of_the_user_are_read(tmp_path: Path, run: Path) -> None:
-    (tmp_path / "words.csv").write_text("source_label,label\nKajüte,bedroom\n", "utf-8")
-    (tmp_path / "graph.json").write_text('{"Kajüte 1": []}', "utf-8")
-    asked = (tmp_path / "graph.json", "--model", run)
-    assert "'Kajüte 1': kind of room unknown" in call(*asked).stderr
-    taught = call(*asked, "--room-labels", tmp_path / "words.csv").stderr
-    assert "Kajüte 1: read as the kinds that their names say" in taught
 
 
 @pytest.mark.usefixtures("shipped")

@@ -54,7 +54,7 @@ def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
         (("--find", "bed", "--robot", "a"), "--robot a: expected NAME=ROOM, such as spot=hall"),
         (("--find", "bed", "--robot", "a=attic"), "no room 'attic'"),
         (("--find", "bed", "--robot", "a=kitchen", "--from", "kitchen"), "does not use --from"),
-        (("--find", "bed", "--robot", "a=kitchen", "--robot", "a=hall"), "a is in kitchen and in"),
+        (("--find", "bed", "--robot", "a=kitchen", "--robot", "a=hall"), "says kitchen and hall of a"),
         (("--find", "bed", "--look", "-1"), "--look -1: expected [ROOM=]COST"),
         (("--find", "bed", "--look", "5", "--look", "kitchen=2"), "leave one out"),
         (("--find", "bed", "--look", "inf"), "look: expected 0 to"),

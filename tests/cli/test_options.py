@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from bsg_cli import choices
 from bsg_cli.options import split_names, workers_option
 from bsg_cli.registry import COMMANDS
+from bsg_data.errors import RecipeError
 from bsg_models.zoo.config import find_config
 
 
@@ -23,7 +24,7 @@ def test_a_name_of_the_zoo_comes_before_a_file_of_that_name(
     assert choices.load_run("mixture", ("seed=3",))[0].seed == 3
     Path("mine").write_text('[model]\nfamily = "doubled"\n', "utf-8")
     assert choices.load_config("mine") == find_config("doubled")
-    with pytest.raises(click.UsageError):
+    with pytest.raises(RecipeError):
         choices.load_config("mixtrue")
 
 

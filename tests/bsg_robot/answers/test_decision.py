@@ -18,7 +18,7 @@ from bsg_data.errors import RecipeError
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.partial_graph import SeenObject
 from bsg_models.search.knowledge import Task, find_costs
-from bsg_robot.answers.decision import Decision, choose_room, plan_looks, weigh
+from bsg_robot.answers.decision import Decision, weigh
 from bsg_robot.answers.thing_belief import ThingBelief
 
 Room = int
@@ -67,8 +67,8 @@ class Case:
         )
 
     def firsts(self) -> list[Room | None]:
-        _, place, plans = plan_looks(self.decision, self.costs, self.look, here=self.here)
-        return [int(place[plan[0]]) if plan else None for plan in plans]
+        plan = self.decision.plan(self.costs, self.look, here=self.here)
+        return [rooms[0] if rooms else None for rooms in plan.places]
 
 
 def sample(seed: int, *, rooms: int | None = None, robots: int = 1, again: bool = True) -> Case:
@@ -327,4 +327,4 @@ def test_a_planner_without_a_belief_looks_everywhere_once_before_it_looks_again(
         [case.belief(0)], looked, here=[1], open_=np.ones(4, bool), chance=0.8, task="single"
     )
     costs = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
-    assert choose_room(decision, costs, np.ones(4), here=1, planner="nearest") == 3
+    assert decision.choose(costs, np.ones(4), here=1, planner="nearest") == 3

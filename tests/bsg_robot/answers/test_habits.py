@@ -66,6 +66,7 @@ class Story:
             lambda: seen.searched(room, time=time),
             lambda: seen.searched(room, found=here[: len(here) // 2], time=time),
             lambda: seen.entered(room, hidden_share=0.5, time=time),
+            lambda: seen.entered(room, floor_in_view=0.5, time=time),
             lambda: seen.passes(draw.choice([0, 5, 1000])),
             lambda: seen.keeps(draw.choice(["mug", "drinks"]), room=room, at=draw.choice(known)),
             lambda: seen.never("milk", at="cabinet"),
@@ -97,6 +98,8 @@ def answer(seen: SeenBuilding) -> list[Any]:
         assert all(0 <= share <= 1 + 1e-9 for share in shares), (thing, places)
         assert all(math.isfinite(p.expected) and p.expected >= 0 for p in places), (thing, places)
         assert anywhere >= max(p.probability for p in places) - 1e-9, (thing, places)
+        for place in places:
+            assert place.if_there == pytest.approx(min(1, place.probability / (anywhere or 1)))
         habits = seen.habits(thing)
         assert not habits or sum(habit.share for habit in habits) == pytest.approx(1)
         said = {f"{p.room}": p.probability for p in places}

@@ -11,9 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from bsg_cli.belief import main as belief_command
 from bsg_models import Predictor
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.search.looks import miss_all
@@ -115,36 +113,6 @@ def test_the_same_state_has_the_same_answers(
         assert there == pytest.approx(expected[2], abs=1e-9), state
         assert building == pytest.approx(expected[3], abs=1e-9), state
         assert go == expected[4], state
-
-
-def test_some_of_these_states_show_something_of_rooms_that_are_said_to_hide_all() -> None:
-    """Else nothing of the rule would be tested."""
-    shown = [
-        room["hidden_share"] == 1 and thing.get("score", 1) >= 0.5
-        for state in map(draw, range(8))
-        for room in state["rooms"]
-        for thing in state["objects"]
-        if thing["room"] == room["id"]
-    ]
-    assert sum(shown) > 5
-
-
-@pytest.mark.parametrize("share", ["1", "kitchen=1"])
-def test_an_option_of_the_command_says_what_a_file_says(share: str) -> None:
-    """A kitchen with a stove had a microwave with 48 % by the option, and 11 % by the file."""
-    rooms = [{"id": "kitchen", "hidden_share": 0.5}, {"id": "bedroom", "visited": False}]
-    objects = [{"id": "1", "room": "kitchen", "category": "stove"}]
-    said = {"scene_id": "home", "rooms": rooms, "objects": objects}
-    in_file = {**said, "rooms": [{"id": "kitchen", "visited": False}, rooms[1]]}
-
-    def places(told: State, *options: str) -> list[Any]:
-        words = ["-", "--json", "--find", "microwave", *options]
-        done = CliRunner().invoke(belief_command, words, input=json.dumps(told))
-        assert done.exit_code == 0, done.output
-        found: list[Any] = json.loads(done.stdout)["things"][0]["places"]
-        return found
-
-    assert places(said, "--hidden-share", share) == places(in_file) != places(said)
 
 
 def test_looks_say_the_same_however_they_are_reported(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +19,6 @@ from bsg_models.runs.found_model import find_shipped
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.place import EXPLORE
 from bsg_robot.answers.seen_building import SeenBuilding, open_graph
-from bsg_robot.graph.formats import write_belief
 from bsg_robot.graph.reports import reclassify
 from bsg_robot.graph.robot_json import read_robot_graph
 from bsg_robot.things.pieces import find_pieces_of
@@ -72,25 +70,6 @@ def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
     assert seen.next_room("couch", here="waiting-room") == "waiting-room"
     seen.searched("waiting-room")
     assert seen.next_room("couch", here="kitchen") == "waiting-room"
-
-
-def test_a_saved_building_goes_on_with_the_same_answers(seen: SeenBuilding, tmp_path: Path) -> None:
-    """What was told is in the file, also a share that is uncertain."""
-    seen.entered("kitchen", floor_in_view=0.5)
-    seen.saw("kitchen", "sink", object_id="7a")
-    seen.saw(None, "zzqx thing")
-    seen.searched("waiting-room")
-    seen.discovered("store", beside="kitchen", room_type="storage", position=(1.0, 2.0, 0.0))
-    write_belief(seen.belief(), tmp_path / "saved.json")
-    again = open_graph(tmp_path / "saved.json", model="mixture")
-    assert again.graph == seen.graph
-    assert not again.graph.rooms[1].share.is_certain
-    for thing in ("microwave", "sink", "shoes"):
-        assert again.where(thing, here="kitchen") == seen.where(thing, here="kitchen")
-        assert again.next_room(thing, here="kitchen") == seen.next_room(thing, here="kitchen")
-    again.searched("kitchen")
-    seen.searched("kitchen")
-    assert again.where("microwave") == seen.where("microwave")
 
 
 def test_the_room_where_the_robot_is_counts_until_it_is_searched(seen: SeenBuilding) -> None:
@@ -146,16 +125,6 @@ def test_words_of_the_user_are_read_from_a_table(tmp_path: Path) -> None:
         open_graph({}, room_labels=table)
 
 
-def test_a_graph_made_in_python_is_understood_too() -> None:
-    graph = read_robot_graph(OFFICE)
-    rooms = tuple(replace(room, room_type="zzz", label=None) for room in graph.rooms)
-    seen = SeenBuilding(replace(graph, rooms=rooms, building_kind="castle"), FAST)
-    bare = tuple(replace(room, room_type=None) for room in rooms)
-    silent = SeenBuilding(replace(graph, rooms=bare, building_kind=None), FAST)
-    assert seen.where("milk") == silent.where("milk")
-    assert [note for note in seen.notes if "zzz" in note or "castle" in note]
-
-
 def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> None:
     seen.discovered("attic")
     costs = {place.room: place.cost for place in seen.where("stove", here="kitchen")}
@@ -203,7 +172,6 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.gone("no such id"),
         lambda seen: seen.searched("kitchen", found=["zebra"]),
         lambda seen: seen.searched("kitchen", found=["sofa"]),  # that is in another room
-        lambda seen: seen.searched("kitchen", found=5),
         lambda seen: seen.looked("meeting-room", "zzqx"),  # where nothing is known
         lambda seen: seen.discovered("explore"),
         lambda seen: seen.describe("attic", label="x"),
@@ -232,23 +200,6 @@ def test_threads_may_tell_and_ask_at_once(seen: SeenBuilding) -> None:
     with ThreadPoolExecutor(3) as pool:
         assert list(pool.map(tell, range(3))) == [3, 3, 3]
     assert len(seen.graph.objects) == 18 + 3 * 40
-
-
-def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
-    before = seen.graph
-    assert seen.next_room("sink") == "kitchen"
-    assert seen.saw("B: shared kitchen", "fridge") == "saw 19"
-    assert seen.saw("kitchen", "kettle", object_id="k") == "k"
-    assert "refrigerator" not in {one.name for one in seen.expected("kitchen") if not one.seen}
-    seen.searched("kitchen")
-    assert seen.expected("kitchen") == ()
-    assert seen.where("sink")[-1].probability == 0
-    seen.discovered("pantry", beside=["kitchen"], room_type="pantry", floor_area=4.0)
-    assert seen.rooms[-1] == "pantry"
-    assert next(p for p in seen.where("sink", here="pantry") if p.room == "kitchen").cost == 1
-    seen.entered("pantry", hidden_share=0.25)
-    assert seen.graph.rooms[-1].hidden_share == 0.25
-    assert before == read_robot_graph(OFFICE), "a graph that was kept does not change"
 
 
 def test_a_word_beyond_the_model_is_asked_of_the_table_of_things(seen: SeenBuilding) -> None:
@@ -309,14 +260,6 @@ def test_the_model_for_any_use_infers_the_kind_of_a_room_from_its_things() -> No
         assert seen.where(thing)[0].room == first
 
 
-def test_a_graph_is_a_file_or_a_document() -> None:
-    document = json.loads(OFFICE.read_text("utf-8"))
-    by_file, by_document = (open_graph(graph, model="mixture") for graph in (OFFICE, document))
-    assert by_file.graph == by_document.graph == read_robot_graph(OFFICE)
-    with pytest.raises(SourceError):
-        open_graph({"scene_id": "x"}, model="mixture")
-
-
 @pytest.mark.parametrize(("thing", "by"), [("banana", "things-v1"), ("cabbage leaf", "mixture")])
 def test_a_thing_that_no_model_counts_is_judged_and_found(
     seen: SeenBuilding, thing: str, by: str
@@ -372,12 +315,6 @@ def test_a_wider_thing_is_not_the_narrow_one(narrow: str, wide: str, room: str) 
     places = seen.where(narrow)
     assert places[0].room == room
     assert not any(place.seen for place in places)
-
-
-def test_the_id_of_a_thing_that_is_gone_does_not_come_back(seen: SeenBuilding) -> None:
-    mug = seen.saw("kitchen", "mug")
-    seen.gone(mug)
-    assert seen.saw("kitchen", "hat") != mug
 
 
 def test_ids_may_be_numbers(seen: SeenBuilding) -> None:
@@ -449,28 +386,6 @@ def test_a_word_names_all_known_objects_of_its_kind(seen: SeenBuilding) -> None:
     assert {obj.name for obj in seen.graph.objects if obj.room_index == 2} == {"m1", "m2"}
 
 
-def test_looks_lower_a_room_and_raise_it_never(seen: SeenBuilding) -> None:
-    def of(room: str, thing: str) -> float:
-        return next(p for p in seen.where(thing) if p.room == room).probability
-
-    before, elsewhere = of("kitchen", "sink"), of("meeting-room", "sink")
-    anywhere = seen.anywhere("sink")
-    seen.looked("kitchen", "sink", chance=0.5)
-    once = of("kitchen", "sink")
-    seen.looked("kitchen", "sink", chance=0.5)
-    twice = of("kitchen", "sink")
-    assert 0 < twice < once < before
-    assert 0 <= of("meeting-room", "sink") - elsewhere < 0.001
-    assert max(of(room, "sink") for room in seen.rooms) <= seen.anywhere("sink") < anywhere
-    assert of("kitchen", "stove") == next(
-        p.probability
-        for p in SeenBuilding(read_robot_graph(OFFICE), FAST).where("stove")
-        if p.room == "kitchen"
-    )
-    expected = {one.name: one.probability for one in seen.expected("kitchen")}
-    assert expected["sink"] == pytest.approx(twice)
-
-
 def test_a_look_for_a_class_is_one_for_its_kinds_and_not_the_reverse(seen: SeenBuilding) -> None:
     def of(thing: str) -> float:
         return next(p for p in seen.where(thing) if p.room == "kitchen").probability
@@ -536,15 +451,6 @@ def test_rooms_that_are_not_found_yet_hold_what_the_found_ones_lack() -> None:
     assert "explore" not in seen.rooms
 
 
-def test_a_building_is_never_less_likely_than_its_likeliest_room(seen: SeenBuilding) -> None:
-    for thing in ("sink", "shoes", "mug", "banana", "oil", "coffee machine"):
-        places = seen.where(thing)
-        assert max(p.probability for p in places) <= seen.anywhere(thing) + 1e-12
-        for place in places:
-            given_one = place.probability / seen.anywhere(thing)
-            assert place.if_there == pytest.approx(min(1, given_one))
-
-
 def test_thirty_sightings_at_one_place_are_one_sofa(seen: SeenBuilding) -> None:
     before = len(seen.graph.objects)
     ids = {seen.saw("kitchen", "sofa", position=(5.0, 5.0 + k / 100, 0.0)) for k in range(30)}
@@ -579,21 +485,6 @@ def test_more_is_learned_of_a_room_later(seen: SeenBuilding) -> None:
     assert len([pair for pair in seen.graph.adjacency if 4 in pair]) == 2
 
 
-def test_looks_scores_and_rooms_not_found_are_kept_in_files(
-    seen: SeenBuilding, tmp_path: Path
-) -> None:
-    seen.saw("kitchen", "mug", object_id="m", score=0.7)
-    seen.looked("kitchen", "mug")
-    seen.looked("meeting-room", "sink", chance=0.4)
-    seen.more_rooms(3)
-    write_belief(seen.belief(), tmp_path / "saved.json")
-    again = open_graph(tmp_path / "saved.json", model="mixture")
-    assert again.graph == seen.graph
-    assert again.next_room(["mug", "sink"], here="kitchen") == seen.next_room(
-        ["mug", "sink"], here="kitchen"
-    )
-
-
 def test_a_robot_can_say_what_its_looks_cost(seen: SeenBuilding) -> None:
     first = seen.next_room("sink", here="waiting-room", look=5.0)
     dear = seen.next_room("sink", here="waiting-room", look={str(first): 1000.0})
@@ -607,20 +498,6 @@ def test_a_robot_can_say_what_its_looks_cost(seen: SeenBuilding) -> None:
         seen.next_rooms({}, "sink")
     with pytest.raises(RecipeError):
         seen.next_rooms({"a": "attic"}, "sink")
-
-
-@pytest.mark.parametrize("score", [None, 1.0, 0.9])
-def test_no_sighting_outlives_looks_that_miss(seen: SeenBuilding, score: float | None) -> None:
-    seen.saw("kitchen", "mug", object_id="m", score=score)
-    before = 1.0
-    for _ in range(4):
-        seen.looked("kitchen", "mug")
-        now = next(p for p in seen.where("mug") if p.room == "kitchen").probability
-        assert now < before
-        before = now
-    seen.looked("kitchen", "mug", chance=1)
-    assert next(p for p in seen.where("mug") if p.room == "kitchen").probability == 0
-    assert seen.next_room("mug", here="meeting-room") != "kitchen"
 
 
 def test_a_look_that_sees_nothing_changes_nothing(seen: SeenBuilding) -> None:
@@ -671,15 +548,6 @@ def test_a_look_that_a_model_has_no_word_for_is_a_note() -> None:
     seen = open_graph(said, model="open")
     assert any("sextant" in note for note in seen.notes)
     assert 0 < seen.where("chair")[0].probability < 1
-
-
-def test_what_is_forgotten_of_earlier_questions_is_found_again(
-    seen: SeenBuilding, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = [seen.where(word) for word in ("mug", "sink")]
-    monkeypatch.setattr("bsg_robot.answers.weighed_graph._MOST_SOUGHT", 1)
-    seen.where("towel")
-    assert [seen.where(word) for word in ("mug", "sink")] == before
 
 
 def test_one_thing_in_two_words_is_one_thing(seen: SeenBuilding) -> None:

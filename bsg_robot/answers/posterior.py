@@ -1,33 +1,32 @@
-"""A robot's graph in which looks that missed are weighed, and what is believed of it."""
+"""What is believed of a building, by all that a robot has said of it."""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_models.belief.clock import HOUR, has_stayed
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, Remembered, SeenObject
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.habits import Usual, has_rested
+from bsg_robot.answers.evidence import (
+    TRUSTED,
+    Chances,
+    missed_by,
+    remember_stays,
+    sum_looks,
+    weigh_evidence,
+)
+from bsg_robot.answers.habits import Usual
 from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
-from bsg_robot.answers.missed_looks import (
-    TRUSTED,
-    Chances,
-    MissedLook,
-    doubt_objects,
-    missed_by,
-    sum_looks,
-)
 from bsg_robot.answers.nouns import read_nouns
 from bsg_robot.answers.place import NOT_SEEN, Piece
 from bsg_robot.answers.thing_belief import (
@@ -58,7 +57,6 @@ from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, fu
 from bsg_robot.things.things import Thing, find_thing, list_narrower
 
 _SURELY = 1 - 1e-9
-_STAYED = 0.99  # P(a thing is where it was just seen) that nobody doubts
 _SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
 _TINY = 1e-12  # a smaller number is not divided by
 _LEAST = 0.05  # hidden share of a room that was searched some time ago, as models read it
@@ -81,31 +79,31 @@ class Sought:
     looks: Mapping[int, Chances]  # for it, by node
 
 
-class WeighedGraph:
-    """What a robot has said of a building, as looks leave it; nothing of it changes.
+class Posterior:
+    """What is believed of a building after all that a robot has said; nothing of it changes.
 
     Attributes:
-        said: the graph as the robot said it.
+        reported: the graph as the robot said it.
         whole: the same without what looks exclude, and with the rooms that are not found yet.
         looks: that missed, of which the thing is known.
         kinds: those of the rooms of `whole`.
     """
 
     def __init__(
-        self, said: PartialGraph, words: Dictionary, *, before: WeighedGraph | None = None
+        self, reported: PartialGraph, words: Dictionary, *, before: Posterior | None = None
     ) -> None:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
-        self.said, self._words = said, words
-        self.looks, left = weigh_looks(said, words)
+        self.reported, self._words = reported, words
+        self.looks, left = weigh_evidence(reported, words)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
-            (one.room_index, one.raw_category, one.category, one.class_index)
-            for one in left.objects
-            if one.is_evidence
+            (obj.room_index, obj.raw_category, obj.category, obj.class_index)
+            for obj in left.objects
+            if obj.is_evidence
         ]
         heard = _age(left)
-        told = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
-        self._evidence = told, told.more_rooms is True, Counter(seen)  # True is not 1
+        layout = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
+        self._evidence = layout, layout.more_rooms is True, Counter(seen)  # True is not 1
         self._asked: dict[Asked, Apart] = {}
         self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
         self._pieces: dict[int, SeenPieces] = {}
@@ -122,10 +120,6 @@ class WeighedGraph:
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)
         for obj in self.whole.objects:
             self._objects[obj.room_index].append(obj)
-        if before is not None:
-            same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
-            self._pieces = {node: before._pieces[node] for node in same}
-        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self._heard}
         self._sought: dict[str, Sought] = {}
         self._usual: dict[str, Usual | None] = {}
 
@@ -134,26 +128,21 @@ class WeighedGraph:
         """Number of nodes: the building, its rooms, and those that are not found yet."""
         return 1 + len(self.whole.rooms)
 
-    def believe(self, asked: Asked) -> tuple[PartialGraph, Expectation]:
-        """Return the whole graph as a model reads it, and what it believes."""
-        if asked not in self._read:
-            self._read[asked] = reclassify(self._heard, self._words.class_map(asked))
-        graph = self._read[asked]
-        return graph, self._ask(asked).every
-
     def _ask(self, asked: Asked) -> Apart:
         """Return what a model believes, of known rooms and of the others."""
         if asked not in self._asked:
-            model, graph = self._words.model(asked), self._read[asked]
-            self._asked[asked] = expect_apart(graph, self.kinds.known, model)
+            graph = self._heard
+            if asked != Asked.OWN:
+                graph = reclassify(graph, self._words.class_map(asked))
+            self._asked[asked] = expect_apart(graph, self.kinds.known, self._words.model(asked))
         return self._asked[asked]
 
     def _find(self, *columns: int) -> CountDistribution:
         """Return what a person would find of A classes, by the model and the table, `[N, A]`."""
         if columns not in self._found:
-            graph, belief = self.believe(Asked.OWN)
+            asked = self._ask(Asked.OWN).take_classes(np.array(columns))
             classes = find_things(tuple(self._words.own.classes[column] for column in columns))
-            rates = rate_things(classes.things, self.kinds, graph)
+            rates = rate_things(classes.things, self.kinds, self._heard)
             own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
             least, homes = np.zeros((2, self.nodes, len(columns)))
             homes[:, classes.own] = own.T
@@ -161,9 +150,8 @@ class WeighedGraph:
             parts[:, 0] = parts[:, 1:].sum(axis=1)
             np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
             weight = np.zeros(len(columns))
-            is_new = belief.inputs[:, columns].sum(axis=0) == 0  # few know how many have a second
+            is_new = asked.every.inputs.sum(axis=0) == 0  # few know how many have a second
             weight[classes.own] = OF_HOMES * is_new[classes.own]
-            asked = self._ask(Asked.OWN).take_classes(np.array(columns))
             self._found[columns] = lift(asked, homes, weight=weight, least=least)
         return self._grow_old(self._found[columns], columns)
 
@@ -189,26 +177,25 @@ class WeighedGraph:
 
     @cached_property
     def _stayed(self) -> Callable[[SeenObject], float]:
-        return remember_stays(self.said, self._words)
+        return remember_stays(self.reported, self._words)
 
     @cached_property
     def _counted(self) -> Expectation:
-        belief = self.believe(Asked.OWN)[1]
         found = self._find(*range(len(self._words.own.classes)))
-        return replace(belief, hidden_counts=count_rooms(found))
+        return replace(self._ask(Asked.OWN).every, hidden_counts=count_rooms(found))
 
     def expectation(self) -> Expectation:
         """Return what is believed of the nodes that the robot said, by the building's model."""
-        belief, rooms = self._counted, np.arange(1 + len(self.said.rooms))
+        belief, rooms = self._counted, np.arange(1 + len(self.reported.rooms))
         chances = np.zeros(belief.inputs.shape)
-        words = {one.meaning.word: one.meaning for one in self.looks}.values()
+        words = {miss.meaning.word: miss.meaning for miss in self.looks}.values()
         own = {m.class_index: m for m in words if m.is_class}
         for index, meaning in own.items():
             chances[:, index] = 1 - self._overlook(meaning)
         if chances.any():
             belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
         # A doubted object is no evidence, and is one of those that were seen all the same.
-        seen = self.said.histograms().astype(np.float64)
+        seen = self.reported.histograms().astype(np.float64)
         return replace(belief.take(rooms), inputs=seen)
 
     def seek(self, word: str) -> Sought:
@@ -224,21 +211,28 @@ class WeighedGraph:
         return found
 
     def _look_up(self, meaning: Meaning) -> ThingBelief:
+        """Return what is believed of a thing, after looks and with what this home has taught."""
         hidden, none = self._expect_hidden(meaning)
-        if (usual := self.find_usual(meaning, hidden)) is not None:
-            hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
-        seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
-        for obj in self._list_found(meaning):
-            # Where it was is one of the places of what may have moved.
-            is_old = usual is not None and obj.name in usual.names
-            seen[obj.room_index].append(replace(obj, score=0.0) if is_old else obj)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
-        new = np.ones(self.nodes)
+        usual, new = self.find_usual(meaning, hidden), np.ones(self.nodes)
         if usual is not None:
+            hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
             searched &= usual.none == 1
             new = (1 - usual.new) / (1 - usual.none).clip(min=_TINY)
-        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched, new)
-        return held.after(1 - self._overlook(meaning))
+        seen = self._list_seen(meaning, usual.names if usual else ())
+        return ThingBelief(seen, hidden, none, searched, new).after(1 - self._overlook(meaning))
+
+    def _list_seen(
+        self, meaning: Meaning, moved: Collection[str]
+    ) -> tuple[tuple[SeenObject, ...], ...]:
+        """Return the objects of each node that are such things.
+
+        Of those that may have `moved`, it is one of their places, and counted there.
+        """
+        seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
+        for obj in self._list_found(meaning):
+            seen[obj.room_index].append(replace(obj, score=0.0) if obj.name in moved else obj)
+        return tuple(map(tuple, seen))
 
     def _hidden_now(self, meaning: Meaning) -> Floats:
         """Return the share of such things of each room that is not seen, `[R]`."""
@@ -250,12 +244,12 @@ class WeighedGraph:
         """What this home has taught."""
         after = {obj.name: obj.probability for obj in self.whole.objects}
         still = {}
-        for obj in self.said.objects:
+        for obj in self.reported.objects:
             stayed = self._stayed(obj)
             is_doubted = obj.score is None and after.get(obj.name, 0.0) < stayed
             seen = TRUSTED if is_doubted else obj.probability
             still[obj.name] = seen, seen * stayed
-        return Home(self.said, still, self._words, pieces=self.pieces_of)
+        return Home(self.reported, still, self._words, pieces=self.pieces_of)
 
     def find_usual(self, meaning: Meaning, hidden: CountDistribution | None = None) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
@@ -282,7 +276,7 @@ class WeighedGraph:
             hidden = self._hidden_now(meaning)
         else:
             hidden = hide(Things.of([thing], self.kinds.table), self.whole)[0]
-        if self.said.now is not None:
+        if self.reported.now is not None:
             is_dated = [room.time is not None for room in self.whole.rooms]
             hidden = np.where(is_dated, hidden, 1.0)
         return np.array([1.0, *hidden])
@@ -307,7 +301,7 @@ class WeighedGraph:
             return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         judged = counted = None
         if meaning.noun is not None:
-            judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
+            judged = believe_noun(meaning.noun, self._ask(self._words.judge).every, read_nouns())
         if meaning.class_index is not None:
             counted = believe_class(self._find(meaning.class_index))
             if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
@@ -315,7 +309,7 @@ class WeighedGraph:
                 if theirs is not None:
                     hidden, none = believe_rates(self._rate(meaning, theirs))
                     counted = hidden, max(none, counted[1])
-        both = [one for one in (counted, judged) if one is not None]
+        both = [counts for counts in (counted, judged) if counts is not None]
         return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
 
     def _rate(self, meaning: Meaning, thing: Thing) -> Floats:
@@ -326,8 +320,8 @@ class WeighedGraph:
         classes, whole = self._words.own.classes, thing.wider
         if whole in (None, *thing.names) or whole not in classes or thing.sight < IN_SIGHT:
             return np.asarray(rates)
-        most = self._find(classes.index(whole)).presence[:, 0]
-        return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
+        present = self._find(classes.index(whole)).presence[:, 0]
+        return np.asarray(np.minimum(rates, -np.log1p(-present.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
@@ -351,7 +345,7 @@ class WeighedGraph:
 
     def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
-        belief = self.believe(Asked.OWN)[1]
+        belief = self._ask(Asked.OWN).every
         room = self.whole.rooms[node - 1]
         if room.time is not None:
             room = replace(room, hidden_share=float(self._hidden_now(meaning)[node - 1]))
@@ -379,7 +373,7 @@ class WeighedGraph:
             )
             for spot in self._list_spots(sought, node, tidy)
         ]
-        return tuple(sorted(pieces, key=lambda one: (one.piece is None, -one.probability)))
+        return tuple(sorted(pieces, key=lambda piece: (piece.piece is None, -piece.probability)))
 
     def list_places(self, sought: Sought) -> list[Spot]:
         """Return where to look in all rooms: their pieces, each followed by the rest."""
@@ -415,17 +409,18 @@ class WeighedGraph:
         """
         room_of = {obj.name: obj.room_index for obj in graph.objects}
         left: dict[str, dict[str, float | None]] = {}  # a piece that is gone → scores in its room
-        for one in graph.looks:
-            meaning = self._words.look_up(one.thing)
-            if one.at is None or room_of.get(one.at) == one.room_index or meaning is None:
+        for look in graph.looks:
+            meaning = self._words.look_up(look.thing)
+            if look.at is None or room_of.get(look.at) == look.room_index or meaning is None:
                 continue
-            furniture = self.furnish(meaning, one.room_index)
-            if furniture is not None and one.at in furniture.names:
-                missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
-                look, stays = replace(one, at=None, chance=missed), self._words.staying(graph.stays)
-                graph = reports.look(graph, look, stays=stays)
-                objects = self.objects_of(one.room_index)
-                left.setdefault(one.at, {obj.name: self._score(obj) for obj in objects})
+            furniture = self.furnish(meaning, look.room_index)
+            if furniture is not None and look.at in furniture.names:
+                missed = 1 - furniture.overlooked({look.at: 1 - look.chance})
+                stays = self._words.staying(graph.stays)
+                moved = replace(look, at=None, chance=missed)
+                graph = reports.look(graph, moved, stays=stays)
+                objects = self.objects_of(look.room_index)
+                left.setdefault(look.at, {obj.name: self._score(obj) for obj in objects})
         if not left:
             return graph
         objects = tuple(
@@ -437,46 +432,6 @@ class WeighedGraph:
     def _score(self, obj: SeenObject) -> float | None:
         """Return the score that looks leave of an object, without what time does."""
         return None if obj.score is None else min(1.0, obj.score / self._stayed(obj))
-
-
-def weigh_looks(
-    said: PartialGraph, words: Dictionary
-) -> tuple[tuple[MissedLook, ...], PartialGraph]:
-    """Return the looks of which the thing is known, and the graph, as looks and time leave both."""
-    stays = words.staying(said.stays)
-
-    def fade(look: Look) -> Look:
-        stayed = has_stayed(look.time, said.now, stays(look.thing))
-        return replace(look, chance=look.chance * stayed)
-
-    looks = tuple(
-        MissedLook(fade(one), meaning)
-        for one in said.looks
-        if (meaning := words.look_up(one.thing))
-    )
-    stayed = remember_stays(said, words)
-    return looks, doubt_objects(said, looks, names=words.names, stayed=stayed)
-
-
-def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObject], float]:
-    """Return object → P(it is where it was seen), by what this home remembers of it."""
-    return partial(_has_stayed, graph, words, {one.name: one for one in graph.memory})
-
-
-def _has_stayed(
-    graph: PartialGraph, words: Dictionary, memory: Mapping[str, Remembered], obj: SeenObject
-) -> float:
-    """Return P(an object is where it was seen)."""
-    if obj.time is None or graph.now is None:
-        return 1.0
-    said = obj.stays or graph.stays
-    stays = words.staying(said)(obj.raw_category)
-    stayed = has_stayed(obj.time, graph.now, stays)
-    if said is None:
-        known, here = memory.get(obj.name), (obj.room_index, obj.on)
-        elsewhere = sum(one[1:] != here for one in known.sightings) if known else 0
-        stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)
-    return stayed if stayed < _STAYED else 1.0
 
 
 def _age(graph: PartialGraph) -> PartialGraph:
@@ -491,9 +446,9 @@ def _age(graph: PartialGraph) -> PartialGraph:
         replace(room, time=None)
         if room.time is None or room.time >= now
         else replace(
-            room, hidden_share=share, hidden_share_sd=room.hidden_share_sd * kept, time=None
+            room, hidden_share=share, hidden_share_sd=room.hidden_share_sd * stayed, time=None
         )
-        for room, share, kept in zip(graph.rooms, slow, still.tolist(), strict=True)
+        for room, share, stayed in zip(graph.rooms, slow, still.tolist(), strict=True)
     )
     return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 

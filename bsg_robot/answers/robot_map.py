@@ -1,4 +1,4 @@
-"""Keep what a robot reports of one building."""
+"""Keep a robot's map of one building, as the robot reports it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from datetime import datetime
 from functools import partial, wraps
 from itertools import count
 from threading import RLock
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
-from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounds import MAX_ROBOT_CUSTOMS
@@ -20,7 +19,7 @@ from bsg_data.records import read_number
 from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
-from bsg_data.words.shown import SHOWN, show_value
+from bsg_data.words.shown import SHOWN
 from bsg_models.belief.clock import HOUR, read_now, read_time, show_time
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
@@ -37,12 +36,12 @@ from bsg_models.belief.partial_graph import (
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.evidence import weigh_evidence
 from bsg_robot.answers.notes import note_graph, note_words
 from bsg_robot.answers.place import EXPLORE
-from bsg_robot.answers.weighed_graph import WeighedGraph, weigh_looks
+from bsg_robot.answers.posterior import Posterior
 from bsg_robot.answers.words import find_room, require_word
 from bsg_robot.graph import memory, reports
-from bsg_robot.graph.robot_json import list_unmapped
 from bsg_robot.graph.room_kinds import room_reader, understand_rooms
 from bsg_robot.things.pieces import kind_of
 from bsg_robot.things.things import classify_seen, find_group, find_receptacle
@@ -52,7 +51,7 @@ AnyTime = float | str | datetime  # seconds, or ISO 8601 with a zone
 _LISTED = 8  # objects in an error
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
-_B = TypeVar("_B", bound="ToldBuilding")
+_B = TypeVar("_B", bound="RobotMap")
 
 
 def alone(
@@ -68,11 +67,12 @@ def alone(
     return run
 
 
-class ToldBuilding:
-    """What a robot has reported of one building.
+class RobotMap:
+    """What a robot has reported of one building, and what it knows by that.
 
-    A thing is any word. A room is its id, or its label if no other room has it. A word that means
-    no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
+    A thing is any word. A room is its id, or its label if no other room has it. What cannot be,
+    such as a word that means no thing, a name that means no room, or a number out of its range,
+    raises `RecipeError` and changes nothing. The object is thread-safe.
     """
 
     def __init__(
@@ -97,42 +97,38 @@ class ToldBuilding:
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
         self._opened = graph.now  # what time it was
         self._named = 0  # the highest number of an id that was given
-        self._weighed: WeighedGraph | None = None
+        self._weighed: Posterior | None = None
         self._take(reports.let_go(understand_rooms(graph)))
 
     @property
     def graph(self) -> PartialGraph:
         """What was seen so far."""
-        return self._said
+        return self._graph
 
     @property
-    def _now(self) -> WeighedGraph:
+    def _now(self) -> Posterior:
         """The graph as looks leave it, weighed when it is asked for."""
-        if self._weighed is None or self._weighed.said is not self._said:
-            self._weighed = WeighedGraph(self._said, self._words, before=self._weighed)
+        if self._weighed is None or self._weighed.reported is not self._graph:
+            self._weighed = Posterior(self._graph, self._words, before=self._weighed)
         return self._weighed
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about how the graph is read, a sentence each."""
         look_up, home, customs = self._words.look_up, self._now.home, self.graph.customs
-        dark = (
-            o.thing for o in customs if find_group(o.thing) is None and look_up(o.thing) is None
-        )
-        unheard = {
-            f"looks for what {self.model} has no word for are ignored": (
-                one.thing for one in self.graph.looks if look_up(one.thing) is None
-            ),
+        dark = (c.thing for c in customs if not find_group(c.thing) and look_up(c.thing) is None)
+        nowhere = (c.at for c in customs if c.at and not home.find_pieces(c, c.at))
+        vain = (look.thing for look in self.graph.looks if look_up(look.thing) is None)
+        ignored = {
+            f"looks for what {self.model} has no word for are ignored": vain,
             "what people say of what nobody has a word for is ignored": dark,
-            "people keep things at furniture that was not seen yet": (
-                one.at for one in customs if one.at and not home.find_pieces(one, one.at)
-            ),
+            "people keep things at furniture that was not seen yet": nowhere,
         }
         notes = note_graph(self.graph, self._words.own, self._now.kinds)
         now = self.graph.now
         late = (f"answers are as of {show_time(now)}; say `now` if it is later",)
         is_late = now is not None and now == self._opened
-        return (*self._notes, *(late if is_late else ()), *notes, *note_words(unheard))
+        return (*self._notes, *(late if is_late else ()), *notes, *note_words(ignored))
 
     @property
     def model(self) -> str:
@@ -143,12 +139,6 @@ class ToldBuilding:
     def rooms(self) -> tuple[str, ...]:
         """Ids of the rooms, in their order."""
         return tuple(room.name for room in self.graph.rooms)
-
-    @property
-    def unmapped(self) -> tuple[UnmappedEntry, ...]:
-        """Seen objects whose name no class map knows; models do not read them."""
-        class_map = self._words.own.class_map
-        return tuple(describe_unmapped(list_unmapped(self.graph), class_map))
 
     @alone
     def copy(self: _B) -> _B:
@@ -191,28 +181,20 @@ class ToldBuilding:
                 same, too.
             besides: ids of objects that it is not, such as others that were seen with it.
             on: id of the object on or in which it lies, or its word if the room has one such.
-
-        Raises:
-            RecipeError: for a room, a word or a number that cannot be.
         """
         require_word(thing)
-        object_id = spell_id(object_id)
+        where, object_id = f"saw {thing[:SHOWN]!r}", spell_id(object_id)
         index = 0 if room is None else find_room(self.graph, room)
         within = read_number("saw: within", within, most=math.inf)
-        where = f"saw {thing[:SHOWN]!r}"
         score = None if score is None else read_number(f"{where}: score", score, most=1.0)
         graph, time = self._tell_time(where, time, age)
         known = classify_seen(thing, self._words.own.class_map)
         facts = (index, thing, known.category, known.class_index, position, score)
-        before = {obj.name: obj for obj in graph.objects}.get(object_id or "")
-        piece = None if on is None else self._find_piece(on, index).name
-        if on is None and before is not None and before.room_index == index:
-            piece = before.on  # who sees it again need not say it again
+        piece = self._find_support(on, object_id, index)
         name = object_id or self._name_object()
         seen = check_report(SeenObject(name, *facts, on=piece, time=time, stays=stays))
         if object_id is None and within:
-            others = [*map(spell_id, besides)]
-            seen = self._recognise(graph, seen, within=within, besides=others)
+            seen = self._recognise(graph, seen, within=within, besides=[*map(spell_id, besides)])
         graph = reports.see_object(reports.take_over(graph, seen), seen)
         if reports.is_on_itself(graph, seen):
             raise RecipeError(
@@ -224,29 +206,26 @@ class ToldBuilding:
         self._change(self._forget_looks(graph, seen) if seen.is_evidence else graph)
         return seen.name
 
+    def _find_support(self, on: str | None, object_id: str | None, index: int) -> str | None:
+        """Return the id of what an object lies on; who sees it again need not say it again."""
+        if on is not None:
+            return self._find_piece(on, index).name
+        before = (o.on for o in self.graph.objects if (o.name, o.room_index) == (object_id, index))
+        return next(before, None)
+
     def _tell_time(
         self, where: str, time: AnyTime | None, age: float | None = None
     ) -> tuple[PartialGraph, float | None]:
         """Return the graph at the time of a report, and that time; None without a clock."""
         if age is not None:
             age = read_number(f"{where}: age", age, most=_MOST_HOURS)
-        said = None if time is None else self._read_time(where, time)
-        said = memory.say_time(where, said, age=age, now=self.graph.now)
-        if said is None:
+        reported = None if time is None else _read_time(where, time)
+        reported = memory.say_time(where, reported, age=age, now=self.graph.now)
+        if reported is None:
             return self.graph, self.graph.now
         # Ages of a graph without a clock count from 0.
         graph = self.graph if age is None else memory.tell_time(self.graph, self.graph.now or 0.0)
-        return memory.tell_time(graph, said), said
-
-    def _read_time(
-        self, where: str, time: object, *, read: Callable[[object], float] = read_time
-    ) -> float:
-        try:
-            return read(time)
-        except ValueError as error:
-            raise RecipeError(
-                f"{where}: time: {error}", code="time-impossible", where=where
-            ) from None
+        return memory.tell_time(graph, reported), reported
 
     def _recognise(
         self, graph: PartialGraph, seen: SeenObject, *, within: float, besides: Collection[str]
@@ -274,23 +253,20 @@ class ToldBuilding:
         rooms = {obj.room_index for obj in known}
         objects = tuple(obj for obj in graph.objects if obj.room_index in rooms)
         looks = tuple(look for look in graph.looks if look.room_index in rooms)
-        _, left = weigh_looks(replace(graph, objects=objects, looks=looks), self._words)
+        _, left = weigh_evidence(replace(graph, objects=objects, looks=looks), self._words)
         still = {obj.name: obj.probability for obj in left.objects}
         return {obj.name: still.get(obj.name, 0.0) for obj in known}
 
     def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
         """Return a graph without the looks for a thing that is there, after all."""
-        return replace(
-            graph,
-            looks=tuple(
-                one
-                for one in graph.looks
-                if one.room_index != seen.room_index
-                or reports.is_before(seen.time, one.time)
-                or (meaning := self._words.look_up(one.thing)) is None
-                or not self._words.names(meaning)(seen.raw_category)
-            ),
-        )
+
+        def is_over(look: Look) -> bool:
+            if look.room_index != seen.room_index or reports.is_before(seen.time, look.time):
+                return False
+            meaning = self._words.look_up(look.thing)
+            return meaning is not None and self._words.names(meaning)(seen.raw_category)
+
+        return replace(graph, looks=tuple(look for look in graph.looks if not is_over(look)))
 
     def _name_object(self) -> str:
         """Return an id that no object has, and none had that is gone."""
@@ -308,24 +284,15 @@ class ToldBuilding:
         Args:
             object_id: its id.
             time: of the report; None for now.
-
-        Raises:
-            RecipeError: if there is no such object.
         """
-        known = {obj.name: obj for obj in self.graph.objects}
-        object_id = spell_id(object_id)
-        if object_id not in known:
-            hint = ask_if_meant(str(object_id), known) or "`graph.objects` has the ids"
-            raise RecipeError(
-                f"{self.graph.scene_id}: no object {str(object_id)[:SHOWN]!r}; {hint}",
-                code="object-unknown",
-                where=str(object_id),
-            )
+        object_id, known = spell_id(object_id), self.graph.objects
+        lost = next((obj for obj in known if obj.name == object_id), None)
+        if lost is None:
+            raise _refuse_object(object_id, "the id of a known object", known)
         graph, time = self._tell_time(f"gone {object_id[:SHOWN]!r}", time)
-        if reports.is_before(time, known[object_id].time):  # it was seen since
-            self._change(graph)
-        else:
-            self._change(self._miss(reports.lose(graph, [object_id]), known[object_id], time))
+        if not reports.is_before(time, lost.time):  # else it was seen since
+            graph = self._miss(reports.lose(graph, [object_id]), lost, time)
+        self._change(graph)
 
     def _miss(self, graph: PartialGraph, lost: SeenObject, time: float | None) -> PartialGraph:
         """Return a graph with a look for what is gone, where no other such thing lies."""
@@ -335,7 +302,7 @@ class ToldBuilding:
         if time is None or not node or at is None or meaning is None:
             return graph
         is_such = self._words.names(meaning)
-        if any(on.get(one.name) == at and is_such(one.raw_category) for one in graph.objects):
+        if any(on.get(obj.name) == at and is_such(obj.raw_category) for obj in graph.objects):
             return graph
         look = Look(node, word, 1.0, at, time)
         return reports.look(graph, look, stays=self._words.staying(graph.stays))
@@ -363,9 +330,6 @@ class ToldBuilding:
             at: id of the piece of furniture that was searched, or its word if the room has one
                 such; None for the whole room.
             time: of the look; None for now.
-
-        Raises:
-            RecipeError: for a room, a word, a chance or a time that cannot be.
         """
         index = find_room(self.graph, room)
         is_such = self._words.names(self._words.understand(thing))
@@ -387,29 +351,19 @@ class ToldBuilding:
 
     def _has_held(self, name: str) -> bool:
         """Return whether anything was ever seen on an object."""
-        before = (sight.on for one in self.graph.memory for sight in one.sightings)
+        before = (sight.on for thing in self.graph.memory for sight in thing.sightings)
         return name in {*(obj.on for obj in self.graph.objects), *before}
 
-    def _find_piece(self, said: str, index: int) -> SeenObject:
+    def _find_piece(self, name: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""
         known = [obj for obj in self.graph.objects if obj.room_index == index]
-        said = spell_id(said)
-        spoken, kind = normalise_name(str(said)), find_receptacle(str(said))
-        same = (
-            [obj for obj in known if obj.name == said]
-            or [obj for obj in known if normalise_name(obj.raw_category) == spoken]
-            or [obj for obj in known if kind is not None and kind_of(obj) == kind]
-        )
+        kind = find_receptacle(str(name))
+        same = _find_called(name, known)
+        same = same or [obj for obj in known if kind is not None and kind_of(obj) == kind]
         if len(same) == 1:
             return same[0]
-        shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
-        found = f"{len(same)} such objects" if same else "no such object"
-        raise RecipeError(
-            f"{str(said)[:SHOWN]!r}: expected the id of an object of the room, found {found}; "
-            f"known are {shown or 'none'}",
-            code="piece-unknown",
-            where=str(said)[:SHOWN],
-        )
+        expected, code = "the id of an object of the room", "piece-unknown"
+        raise _refuse_object(name, expected, known, found=len(same), code=code)
 
     @alone
     def entered(
@@ -433,10 +387,6 @@ class ToldBuilding:
             walls_in_view: share of the walls that the camera has had in view.
             seconds_inside: how long the robot has looked around in the room.
             time: of the report; None for now.
-
-        Raises:
-            RecipeError: also if a share is not 0 to 1, or both `hidden_share` and another argument
-                are given.
         """
         index = find_room(self.graph, room)
         looked = any(x is not None for x in (floor_in_view, walls_in_view, seconds_inside))
@@ -473,45 +423,27 @@ class ToldBuilding:
             found: which of the known objects there were found again, by id or by any word; those
                 that were not are gone. None keeps all.
             time: of the report; None for now.
-
-        Raises:
-            RecipeError: if there is no such room, or it had no such object.
         """
         index = find_room(self.graph, room)
         graph, time = self._tell_time(f"searched {room[:SHOWN]!r}", time)
         if found is None:
             self._change(reports.enter(graph, index, hidden_share=ShareBelief(0.0), time=time))
             return
-        if not isinstance(found, Collection):
-            raise RecipeError(
-                f"searched {room!r}: found: expected ids or words, found {show_value(found)}",
-                code="found-impossible",
-                where=room,
-            )
         known = [obj for obj in self.graph.objects if obj.room_index == index]
         words = [found] if isinstance(found, str) else found
-        kept = {name for one in words for name in self._find_again(one, known, room)}
-        self._change(reports.find_all(graph, index, kept, time=time))
+        names = {name for word in words for name in self._find_again(word, known, room)}
+        self._change(reports.find_all(graph, index, names, time=time))
 
-    def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
+    def _find_again(self, name: str, known: Sequence[SeenObject], room: str) -> list[str]:
         """Return the ids of the known objects that an id or a word names."""
-        names, said = [obj.name for obj in known], spell_id(said)
-        if said in names:
-            return [said]
-        spoken = normalise_name(str(said))
-        same = [obj.name for obj in known if normalise_name(obj.raw_category) == spoken]
-        if not same and (meaning := self._words.look_up(said)):
-            is_kind = self._words.names(meaning)
-            same = [obj.name for obj in known if is_kind(obj.raw_category)]
+        same = _find_called(name, known)
+        if not same and (meaning := self._words.look_up(name)):
+            is_such = self._words.names(meaning)
+            same = [obj for obj in known if is_such(obj.raw_category)]
         if not same:
-            shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
-            raise RecipeError(
-                f"searched {room!r}: found {str(said)[:SHOWN]!r}, and no such object was known "
-                f"there; report it by `saw` first. Known are {shown or 'none'}",
-                code="object-unknown",
-                where=str(said),
-            )
-        return same
+            expected = f"an object that was known in {room!r} (report others by `saw` first)"
+            raise _refuse_object(name, expected, known)
+        return [obj.name for obj in same]
 
     @alone
     def discovered(
@@ -532,9 +464,6 @@ class ToldBuilding:
                 does. A word that is not understood says nothing; `notes` names it.
             position: metres, Z up.
             floor_area: square metres.
-
-        Raises:
-            RecipeError: also if the room is already known, or is not valid.
         """
         new = KnownRoom(
             room,
@@ -544,8 +473,7 @@ class ToldBuilding:
             floor_area=floor_area,
             room_type=room_type,
         )
-        others = [beside] if isinstance(beside, str) else beside
-        neighbours = [find_room(self.graph, other) for other in others]
+        neighbours = self._find_rooms(beside)
         graph = reports.discover(self.graph, check_report(new), beside=neighbours)
         self._change(understand_rooms(graph))
 
@@ -570,23 +498,13 @@ class ToldBuilding:
             position: metres, Z up.
             floor_area: square metres.
             beside: id of a room that it connects with, or several; known connections stay.
-
-        Raises:
-            RecipeError: if there is no such room, or the facts cannot be.
         """
-        index = find_room(self.graph, room)
-        before = self.graph.rooms[index - 1]
-        known = replace(
-            before,
-            room_type=before.room_type if room_type is None else room_type,
-            label=before.label if label is None else label,
-            position=before.position if position is None else position,
-            floor_area=before.floor_area if floor_area is None else floor_area,
-        )
-        others = [beside] if isinstance(beside, str) else beside
-        neighbours = [find_room(self.graph, other) for other in others]
-        known = check_report(known)
-        graph = self.graph
+        graph, index = self.graph, find_room(self.graph, room)
+        before, neighbours = graph.rooms[index - 1], self._find_rooms(beside)
+        facts: dict[str, Any] = {"room_type": room_type, "label": label}
+        facts |= {"position": position, "floor_area": floor_area}
+        changed = {name: fact for name, fact in facts.items() if fact is not None}
+        known = check_report(replace(before, **changed))
         if room_type is not None:
             read = read_room_type(known.room_type, read=room_reader(graph))
             is_read = read.labels is not None or not read.unread  # else nothing is said
@@ -596,6 +514,10 @@ class ToldBuilding:
                 graph = replace(graph, origins={**graph.origins, before.name: ()})
         graph = reports.describe(graph, index, known, beside=neighbours)
         self._change(understand_rooms(graph))
+
+    def _find_rooms(self, names: Collection[str] | str) -> list[int]:
+        rooms = [names] if isinstance(names, str) else names
+        return [find_room(self.graph, room) for room in rooms]
 
     @alone
     def more_rooms(self, number: int | bool) -> None:
@@ -615,9 +537,6 @@ class ToldBuilding:
         Args:
             hours: that have passed.
             until: what time it is now, instead; `"now"` reads the clock of this computer.
-
-        Raises:
-            RecipeError: for a time that cannot be, or is before the last report.
         """
         if (hours is None) == (until is None):
             raise RecipeError("passes: give hours or until", code="time-unsaid")
@@ -625,9 +544,9 @@ class ToldBuilding:
         if hours is not None:
             step = HOUR * read_number("passes: hours", hours, most=_MOST_HOURS)
             graph = memory.pass_until(graph, graph.now or 0.0)
-            now = self._read_time("passes", (graph.now or 0.0) + step)
+            now = _read_time("passes", (graph.now or 0.0) + step)
         else:
-            now = self._read_time("passes", until, read=read_now)
+            now = _read_time("passes", until, read=read_now)
         self._change(memory.pass_until(graph, now))
 
     @alone
@@ -643,9 +562,6 @@ class ToldBuilding:
             thing: any word, or a group of `bsg_robot/tables/groups-v1.csv`.
             room: id or label; None if `at` says where.
             at: id of a piece of furniture, or its word: also of one that was not seen yet.
-
-        Raises:
-            RecipeError: for a word or a room that cannot be.
         """
         self._say_custom(thing, room, at, never=False)
 
@@ -669,7 +585,7 @@ class ToldBuilding:
             require_word(at := spell_id(at))
         new = Custom(thing, index, at, never)
         # What is said last of a thing and a place counts.
-        others = [one for one in self.graph.customs if _place_of(one) != _place_of(new)]
+        others = [custom for custom in self.graph.customs if _place_of(custom) != _place_of(new)]
         if len(others) >= MAX_ROBOT_CUSTOMS:
             raise RecipeError(
                 f"{self.graph.scene_id}: expected at most {MAX_ROBOT_CUSTOMS:,} customs; `forget` "
@@ -687,26 +603,15 @@ class ToldBuilding:
 
         Args:
             thing: any word, or a group; None for all.
-
-        Raises:
-            RecipeError: for a word that means nothing.
         """
         if thing is None:
             self._change(replace(self.graph, memory=(), customs=()))
             return
-        group = find_group(thing)
-        if group is None:
-            is_such = self._words.names(self._words.understand(thing))
-        else:
-            is_such = self._words.is_of(group)
-        graph = self.graph
-        self._change(
-            replace(
-                graph,
-                memory=tuple(one for one in graph.memory if not is_such(one.raw_category)),
-                customs=tuple(one for one in graph.customs if not is_such(one.thing)),
-            )
-        )
+        group, words = find_group(thing), self._words
+        is_such = words.is_of(group) if group else words.names(words.understand(thing))
+        memory = tuple(one for one in self.graph.memory if not is_such(one.raw_category))
+        customs = tuple(one for one in self.graph.customs if not is_such(one.thing))
+        self._change(replace(self.graph, memory=memory, customs=customs))
 
     def _change(self, graph: PartialGraph) -> None:
         """Take a later graph."""
@@ -723,7 +628,41 @@ class ToldBuilding:
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        self._said = graph
+        self._graph = graph
+
+
+def _find_called(name: str, known: Sequence[SeenObject]) -> list[SeenObject]:
+    """Return the objects of an id, or else of a word."""
+    name = spell_id(name)
+    spoken = normalise_name(str(name))
+    same = [obj for obj in known if obj.name == name]
+    return same or [obj for obj in known if normalise_name(obj.raw_category) == spoken]
+
+
+def _refuse_object(
+    name: str,
+    expected: str,
+    known: Sequence[SeenObject],
+    *,
+    found: int = 0,
+    code: str = "object-unknown",
+) -> RecipeError:
+    """Return the error of a name that means none of some objects, or several."""
+    shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
+    near = ask_if_meant(str(name), [obj.name for obj in known])
+    return RecipeError(
+        f"{str(name)[:SHOWN]!r}: expected {expected}, found {found or 'no'} such "
+        f"object{'s' * (found > 1)}; {near or 'known are ' + (shown or 'none')}",
+        code=code,
+        where=str(name)[:SHOWN],
+    )
+
+
+def _read_time(where: str, time: object, *, read: Callable[[object], float] = read_time) -> float:
+    try:
+        return read(time)
+    except ValueError as error:
+        raise RecipeError(f"{where}: time: {error}", code="time-impossible", where=where) from None
 
 
 def _place_of(custom: Custom) -> tuple[object, ...]:

@@ -1,11 +1,7 @@
-"""Say what looks that missed leave of the belief: which things they sought, and what they doubt.
+"""Weigh the evidence of a graph: what looks that missed, and time, leave of what a robot has seen.
 
-A graph keeps what a robot said: scores of objects, and looks. Here both are weighed, by Bayes'
-rule. Of an object with the score s, looks that all miss it with the probability m leave
-
-    s m / (1 − s + s m)
-
-What was seen or looked for some time ago counts less: things move
+A graph keeps what a robot said: scores of objects, and looks. Here both are weighed, by Bayes' rule
+(`bsg_models.search.looks`). What was seen or looked for some time ago counts less: things move
 (`bsg_robot.answers.habits`). An object that nobody doubted counts as s = 0.8 then: things are
 moved, and sightings err. Looks at furniture doubt what is on it; of a thing in the room, on nobody
 knows what, they miss the other pieces (`bsg_robot.things.pieces`).
@@ -21,18 +17,22 @@ from functools import cache
 import numpy as np
 
 from bsg_data.arrays import Floats
+from bsg_models.belief.clock import HOUR, has_stayed
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
 from bsg_models.search.looks import doubt, miss_all, overlooked_at
+from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.habits import has_rested
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
 
 Chances = Mapping[str | None, tuple[float, ...]]  # piece; None for a whole room → its looks'
+_STAYED = 0.99  # P(a thing is where it was just seen) that nobody doubts
 TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
 
 
 @dataclass(frozen=True, slots=True)
-class MissedLook:
+class Miss:
     """A look that did not find a thing, and what the thing's word means."""
 
     look: Look
@@ -62,12 +62,12 @@ def _includes(whole: Meaning, sought: Meaning) -> bool:
     return part.wider in (whole.thing.names if whole.thing else (whole.class_name,))
 
 
-def sum_looks(looks: Sequence[MissedLook], sought: Meaning) -> dict[int, Chances]:
+def sum_looks(misses: Sequence[Miss], sought: Meaning) -> dict[int, Chances]:
     """Return the rooms with looks for a thing → what was looked at there."""
     rooms: dict[int, list[Look]] = defaultdict(list)
-    for one in looks:
-        if one.covers(sought):
-            rooms[one.look.room_index].append(one.look)
+    for miss in misses:
+        if miss.covers(sought):
+            rooms[miss.look.room_index].append(miss.look)
     return {node: sum_chances(some) for node, some in rooms.items()}
 
 
@@ -84,48 +84,64 @@ def missed_by(chances: Chances) -> dict[str | None, float]:
     return {at: miss_all(some, overlooked=overlooked_at(at)) for at, some in chances.items()}
 
 
-def doubt_objects(
-    graph: PartialGraph,
-    looks: Sequence[MissedLook],
-    *,
-    names: Callable[[Meaning], Callable[[str], bool]],
-    stayed: Callable[[SeenObject], float],
-) -> PartialGraph:
-    """Return the graph with the scores that time and looks leave; what cannot be there is left out.
+def weigh_evidence(graph: PartialGraph, words: Dictionary) -> tuple[tuple[Miss, ...], PartialGraph]:
+    """Return the looks for known things, as time leaves them, and what both leave of the objects.
 
-    Args:
-        graph: as the robot said it.
-        looks: that missed.
-        names: meaning → whether a robot's word for an object names such a thing.
-        stayed: object → P(it is still where it was seen).
+    Of objects, that is their scores; those that cannot be there are left out.
     """
+    stays, misses = words.staying(graph.stays), list[Miss]()
+    for look in graph.looks:
+        if meaning := words.look_up(look.thing):
+            stayed = has_stayed(look.time, graph.now, stays(look.thing))
+            misses.append(Miss(replace(look, chance=look.chance * stayed), meaning))
+    return tuple(misses), _doubt_objects(graph, misses, words)
+
+
+def _doubt_objects(graph: PartialGraph, misses: Sequence[Miss], words: Dictionary) -> PartialGraph:
     looked, inside = defaultdict(list), defaultdict(list)
-    for one in looks:
-        looked[one.look.room_index].append(one)
+    for miss in misses:
+        looked[miss.look.room_index].append(miss)
     for obj in graph.objects:
         inside[obj.room_index].append(obj)
-    miss = {
-        node: _doubt_room(graph.rooms[node - 1], inside[node], some, names=names)
+    miss_in = {
+        node: _doubt_room(graph.rooms[node - 1], inside[node], some, names=words.names)
         for node, some in looked.items()
     }
-    objects = []
+    stayed, objects = remember_stays(graph, words), []
     for obj in graph.objects:
-        missed = miss[obj.room_index](obj) if obj.room_index in miss else 1.0
+        missed = miss_in[obj.room_index](obj) if obj.room_index in miss_in else 1.0
         still = stayed(obj)
-        if missed < 1:
-            before = still * (TRUSTED if obj.probability == 1 else obj.probability)
-            obj = replace(obj, score=doubt(before, missed))
-        elif still < 1:
-            obj = replace(obj, score=still * obj.probability)
+        if missed < 1 or still < 1:
+            trust = TRUSTED if missed < 1 and obj.probability == 1 else obj.probability
+            obj = replace(obj, score=doubt(still * trust, missed))
         if obj.probability > 0:
             objects.append(obj)
     return replace(graph, objects=tuple(objects))
 
 
+def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObject], float]:
+    """Return object → P(it is where it was seen), by what this home remembers of it."""
+    memory = {known.name: known for known in graph.memory}
+
+    def stay(obj: SeenObject) -> float:
+        if obj.time is None or graph.now is None:
+            return 1.0
+        given = obj.stays or graph.stays
+        stays = words.staying(given)(obj.raw_category)
+        stayed = has_stayed(obj.time, graph.now, stays)
+        if given is None:
+            before = memory[obj.name].sightings if obj.name in memory else ()
+            elsewhere = sum(sight[1:] != (obj.room_index, obj.on) for sight in before)
+            stayed = has_rested(stayed, (graph.now - obj.time) / HOUR, stays, elsewhere=elsewhere)
+        return stayed if stayed < _STAYED else 1.0
+
+    return stay
+
+
 def _doubt_room(
     room: KnownRoom,
     objects: Iterable[SeenObject],
-    looks: Iterable[MissedLook],
+    misses: Iterable[Miss],
     *,
     names: Callable[[Meaning], Callable[[str], bool]],
 ) -> Callable[[SeenObject], float]:
@@ -133,14 +149,14 @@ def _doubt_room(
 
     Of each word that was seen there, it decides once.
     """
-    seen, every = find_pieces(objects), list(looks)
-    is_sought = {one.meaning.word: names(one.meaning) for one in every}
+    seen, every = find_pieces(objects), list(misses)
+    is_sought = {miss.meaning.word: names(miss.meaning) for miss in every}
 
     @cache
     def seek(word: str) -> tuple[str, dict[str | None, float]]:
         """Return what looks for such an object call it, and what they missed."""
-        some = [one for one in every if is_sought[one.meaning.word](word)]
-        chances = sum_chances(one.look for one in some)
+        some = [miss for miss in every if is_sought[miss.meaning.word](word)]
+        chances = sum_chances(miss.look for miss in some)
         return some[0].meaning.kept_as if some else word, missed_by(chances)
 
     @cache
