@@ -81,7 +81,7 @@ class Objects(Sequence[SceneObject]):
 
 def _own_columns(schema: pa.Schema, record: type) -> list[str]:
     """Return the columns that are fields of a record with the same name."""
-    return [one.name for one in fields(record) if one.name in schema.names]
+    return [field.name for field in fields(record) if field.name in schema.names]
 
 
 _SCENE, _ROOM = _own_columns(SCENES, SceneGraph), _own_columns(ROOMS, Room)
@@ -277,7 +277,7 @@ def _read_edges(table: pa.Table) -> Iterator[Edge]:
 
 def _make(record: type[_Record], columns: Mapping[str, Sequence[Any]]) -> Iterator[_Record]:
     """Make records of columns with the names of their fields."""
-    return map(record, *(columns[one.name] for one in fields(cast(Any, record))))
+    return map(record, *(columns[field.name] for field in fields(cast(Any, record))))
 
 
 def _read_column(column: pa.ChunkedArray) -> list[Any]:

@@ -109,7 +109,7 @@ class HM3DFolder:
             "the meshes"
         )
         listed, unreadable = list_files(self.path, (*_SUFFIXES, SYNTHETIC_MARK), expected=expected)
-        for mark in (one for one in listed if one.name == SYNTHETIC_MARK):
+        for mark in (file for file in listed if file.name == SYNTHETIC_MARK):
             if self.kind != "synthetic":
                 raise SourceError(
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "

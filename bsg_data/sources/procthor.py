@@ -201,9 +201,9 @@ def _stream(file: Path) -> _Houses:
     is_lines = ".jsonl" in file.name
     unit = "line" if is_lines else "house"
 
-    def refuse(said: str, **fault: Any) -> SourceError:
+    def refuse(reason: str, **fault: Any) -> SourceError:
         after = f", after {unit} {number}" if number else ""
-        return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **fault)
+        return SourceError(f"{file}{after}{reason.removeprefix(str(file))}", **fault)
 
     with open_stream(file, error=refuse) as opened:
         texts = opened if is_lines else _split(opened)
