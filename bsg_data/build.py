@@ -103,7 +103,8 @@ def build_dataset(
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
     require_free(out, DATASET, force=force)
-    chosen = os.fspath(class_map or _name_class_map(source))
+    usual = SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
+    chosen = os.fspath(class_map or usual)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     found = _find_scenes(source, strict=strict)
@@ -189,11 +190,6 @@ def _refuse_nothing(where: Path, skipped: Sequence[SkippedScene]) -> SourceError
 def name_generator() -> str:
     """Return the name and the version of this program, as a manifest has it."""
     return f"belief-scene-graphs {version('belief-scene-graphs')}"
-
-
-def _name_class_map(source: Source) -> str:
-    """Return the name of the published class map for a source."""
-    return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
 
 @dataclass(frozen=True, slots=True)

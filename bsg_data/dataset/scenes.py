@@ -172,7 +172,8 @@ def _edge_columns(graphs: Sequence[SceneGraph], objects: pa.Table) -> _Columns:
     source, target = np.zeros((2, len(part)), dtype=np.int32)
     target[part == 0] = rooms
     source[part == 1], target[part == 1] = objects["room_index"], objects["object_index"]
-    source[part == 2], target[part == 2] = _ends_of(joined).T
+    source[part == 2] = [edge.source for edge in joined]
+    target[part == 2] = [edge.target for edge in joined]
     words = ["annotation", *dict.fromkeys(edge.method for edge in joined)]
     method, distance = np.zeros(len(part), dtype=np.int32), np.full(len(part), np.nan)
     method[part == 2] = [words.index(edge.method) for edge in joined]
@@ -187,10 +188,6 @@ def _edge_columns(graphs: Sequence[SceneGraph], objects: pa.Table) -> _Columns:
         "method": _choose(words, method),
         "distance_m": pa.array(distance, from_pandas=True),
     }
-
-
-def _ends_of(edges: Sequence[Edge]) -> Ints:
-    return np.array([(edge.source, edge.target) for edge in edges], np.int64).reshape(-1, 2)
 
 
 def _repeat(graphs: Sequence[SceneGraph], times: Sequence[int] | Ints) -> pa.Array:

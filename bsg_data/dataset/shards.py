@@ -157,7 +157,7 @@ class DatasetFiles:
         if data is None:
             self._refuse(entry)
         with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
-            expected = _schema_of(_table_of(entry), self.manifest.class_space)
+            expected = _schema_of(entry.path.partition("/")[0], self.manifest.class_space)
             for name in {*dictionaries} & {*expected.names}:
                 field = expected.field(name)
                 words = field.with_type(pa.dictionary(pa.int32(), field.type))
@@ -208,10 +208,6 @@ def _read_whole(path: Path, entry: FileEntry) -> bytes | None:
     except OSError:
         return None
     return data if hashlib.sha256(data).hexdigest() == entry.sha256 else None
-
-
-def _table_of(entry: FileEntry) -> str:
-    return entry.path.partition("/")[0]
 
 
 def _schema_of(table: str, class_space: ClassSpace) -> pa.Schema:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -162,7 +163,8 @@ class WithLayouts(Wrapper):
             layouts, unread = read_layout_table(path)
             return [(scene, path) for scene in layouts], [*skip_columns(path, unread)]
         files, left = list_files(path, SUFFIXES, expected=_EXPECTED)
-        return [(_name_scene(file), file) for file in files], [*left]
+        suffixes = "|".join(map(re.escape, SUFFIXES))
+        return [(re.sub(f"({suffixes})$", "", file.name), file) for file in files], [*left]
 
     @cached_property
     def _files(self) -> dict[str, Path]:
@@ -195,11 +197,6 @@ class WithLayouts(Wrapper):
 
 def _is_table(path: Path) -> bool:
     return path.name.casefold().endswith(text_table.SUFFIXES) and not path.is_dir()
-
-
-def _name_scene(path: Path) -> str:
-    suffix = next(suffix for suffix in SUFFIXES if path.name.endswith(suffix))
-    return path.name.removesuffix(suffix)
 
 
 def _read(name: str, path: Path) -> RoomLayout:

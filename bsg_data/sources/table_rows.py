@@ -207,11 +207,6 @@ def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -
     return find_columns(path, header, wanted, required=required, rename=rename)
 
 
-def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]:
-    read = set(columns.values())
-    return [name for number, name in enumerate(header) if number not in read]
-
-
 def _list_rows(cells: _Cells) -> Iterator[tuple[str, Row]]:
     """Yield the rows that say something, each with its scene."""
     absent = [None] * len(cells.codes["scene"])
@@ -297,7 +292,10 @@ def _read_column(cells: _Cells, field: str) -> list[Any]:
 def _clean(cells: Sequence[Any]) -> list[Any]:
     """Return what cells say; None if nothing. All kinds of files come through here."""
     texts = (cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in cells)
-    words = (_compose(cell) if isinstance(cell, str) else cell for cell in texts)
+    words = [
+        unicodedata.normalize("NFC", cell.strip()) if isinstance(cell, str) else cell
+        for cell in texts
+    ]
     return [None if word in _MISSING or word != word else word for word in words]
 
 
@@ -305,13 +303,10 @@ def _split(names: str) -> list[str] | None:
     return sorted(name for name in _clean(names.split(";")) if name is not None) or None
 
 
-def _compose(text: str) -> str:
-    return unicodedata.normalize("NFC", text.strip())
-
-
 def _hint_unread(cells: _Cells) -> list[str]:
     """Return the columns that are not read, the first ones each with the field it may be."""
-    unread = _list_unread(cells.header, cells.columns)
+    read = set(cells.columns.values())
+    unread = [name for number, name in enumerate(cells.header) if number not in read]
     free = [field for field in _OPTIONAL if field not in cells.columns]
     hints = [ask_if_meant(column, free) for column in unread[:_SHOWN]]
     asked = [
