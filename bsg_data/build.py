@@ -103,7 +103,8 @@ def build_dataset(
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
     require_free(out, DATASET, force=force)
-    chosen = os.fspath(class_map or _name_class_map(source))
+    usual = SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
+    chosen = os.fspath(class_map or usual)
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     found = _find_scenes(source, strict=strict)
@@ -125,7 +126,7 @@ def build_dataset(
         if not manifest.totals.scenes:
             shutil.rmtree(folder)
             raise _refuse_nothing(source.path, manifest.skipped)
-        unmapped = {one.name: one.instances for one in manifest.unmapped}
+        unmapped = {entry.name: entry.instances for entry in manifest.unmapped}
         near = tuple(describe_unmapped(unmapped, loaded))
         if _find_scenes(source, strict=strict) != found:
             shutil.rmtree(folder)
@@ -179,8 +180,8 @@ def _make_plan(
 
 def _refuse_nothing(where: Path, skipped: Sequence[SkippedScene]) -> SourceError:
     reasons = "; ".join(
-        one.reason if one.location in one.reason else f"{one.location}: {one.reason}"
-        for one in skipped[:_SHOWN]
+        skip.reason if skip.location in skip.reason else f"{skip.location}: {skip.reason}"
+        for skip in skipped[:_SHOWN]
     )
     message = f"{where}: no scene could be read: {reasons}"
     return SourceError(message, code="no-scene", where=where)
@@ -189,11 +190,6 @@ def _refuse_nothing(where: Path, skipped: Sequence[SkippedScene]) -> SourceError
 def name_generator() -> str:
     """Return the name and the version of this program, as a manifest has it."""
     return f"belief-scene-graphs {version('belief-scene-graphs')}"
-
-
-def _name_class_map(source: Source) -> str:
-    """Return the name of the published class map for a source."""
-    return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,10 +234,10 @@ class _Shard:
             return reading
         if reading.left_out:
             raise SourceError(
-                "; ".join(f"{one.location}: {one.reason}" for one in reading.left_out)
+                "; ".join(f"{skip.location}: {skip.reason}" for skip in reading.left_out)
             )
         for name in (obj.raw_category for obj in reading.graph.objects if obj.category is None):
-            near = ", ".join(repr(one) for one in class_map.nearest(name)) or "none"
+            near = ", ".join(repr(near_name) for near_name in class_map.nearest(name)) or "none"
             raise ClassMapError(
                 f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: "
                 f"{near}); leave --strict out to keep such objects without a class, or use a map "
@@ -255,20 +251,26 @@ class _Shard:
         self, readings: Sequence[Reading], skipped: Sequence[SkippedScene], class_map: ClassMap
     ) -> Manifest:
         """Write the files of the shard, and say what is in them."""
-        graphs, space = [one.graph for one in readings], class_map.space
+        graphs, space = [reading.graph for reading in readings], class_map.space
         root = self.source.path if self.source.path.is_dir() else self.source.path.parent
         tables = make_tables(graphs, space.classes)
         names = _count_unlisted(tables["objects"], class_map)
-        read = (f"{one.scene_id}\t{one.annotation_sha256}".encode() for one in graphs)
-        fingerprint = add_fingerprints(hashlib.sha256(one).hexdigest() for one in read)
+        lines = (f"{graph.scene_id}\t{graph.annotation_sha256}".encode() for graph in graphs)
+        fingerprint = add_fingerprints(hashlib.sha256(line).hexdigest() for line in lines)
         (source,) = self.bare.sources
         found = {
             "sources": (source.model_copy(update={"fingerprint": fingerprint}),),
             "totals": count_totals(tables),
             "files": write_shards(tables, self.folder, number=self.number, class_space=space),
-            "skipped": tuple(_without_root(one, root) for one in skipped),
-            "left_out": tuple(_without_root(s, root) for one in readings for s in one.left_out),
-            "meshes": {one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
+            "skipped": tuple(_without_root(skip, root) for skip in skipped),
+            "left_out": tuple(
+                _without_root(skip, root) for reading in readings for skip in reading.left_out
+            ),
+            "meshes": {
+                reading.graph.scene_id: reading.mesh
+                for reading in readings
+                if reading.mesh is not None
+            },
             "unmapped": tuple(
                 UnmappedEntry(name=name, instances=times)
                 for name, times in names.items()
@@ -289,7 +291,7 @@ def _count_unlisted(objects: pa.Table, class_map: ClassMap) -> Mapping[str, int]
 def _list_unknown_labels(graphs: Sequence[SceneGraph], source: Source) -> Iterator[CountedName]:
     """Yield what a source calls rooms that names no kind of room that we know, and the rooms."""
     lists = getattr(source, "lists", lambda word: False)  # of a source with a list of its own
-    rooms = ((one.source, room) for one in graphs for room in one.rooms if room.label is None)
+    rooms = ((graph.source, room) for graph in graphs for room in graph.rooms if room.label is None)
     labels = Counter(
         room.source_label
         for kind, room in rooms

@@ -56,10 +56,10 @@ def merge_datasets(
         message = f"expected two or more datasets to merge, found {len(datasets)}"
         raise RecipeError(message, code="too-few-datasets")
     opened = sorted((Dataset.open(path) for path in datasets), key=lambda data: data.sha256)
-    for one in opened:
-        require_class_space(opened[0].manifest, one.manifest.class_space, what=str(one.path))
-    scenes = sum(one.manifest.totals.scenes for one in opened)
-    merged = combine_manifests([one.manifest for one in opened])
+    for data in opened:
+        require_class_space(opened[0].manifest, data.manifest.class_space, what=str(data.path))
+    scenes = sum(data.manifest.totals.scenes for data in opened)
+    merged = combine_manifests([data.manifest for data in opened])
     merged = merged.model_copy(update={"generator": name_generator()})
     size = merged.scenes_per_shard
     count_shards(scenes, scenes_per_shard=size)
@@ -68,10 +68,10 @@ def merge_datasets(
     with write_folder(out, DATASET, plan=plan, force=force) as (folder, done):
         if done:
             return read_manifest(out)
-        for one in opened:
-            for entry in one.manifest.class_maps:
-                entry.copy_map(one.path, folder)
-        parts = (one.read_graphs() for one in opened)
+        for data in opened:
+            for entry in data.manifest.class_maps:
+                entry.copy_map(data.path, folder)
+        parts = (data.read_graphs() for data in opened)
         graphs = heapq.merge(*parts, key=lambda graph: graph.scene_id)
         files: list[FileEntry] = []
         for number, first in enumerate(range(0, scenes, size)):
@@ -90,13 +90,13 @@ def merge_datasets(
 def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:
     """Refuse a building that two datasets hold: a model could train and be tested on it."""
     found: dict[str, int] = {}
-    for number, one in enumerate(datasets):
-        for scene, key in zip(one.scene_ids, one.keys, strict=True):
+    for number, data in enumerate(datasets):
+        for scene, key in zip(data.scene_ids, data.keys, strict=True):
             first = min(found.setdefault(name, number) for name in (scene, key))
             if first != number:
                 raise DatasetError(
-                    f"{one.path}: building {scene} is also in {datasets[first].path}; build one of "
-                    "the datasets without it",
+                    f"{data.path}: building {scene} is also in {datasets[first].path}; build one "
+                    "of the datasets without it",
                     code="building-twice",
                     where=scene,
                 )

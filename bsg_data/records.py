@@ -34,11 +34,11 @@ _Key = TypeVar("_Key")
 _Value = TypeVar("_Value")
 
 
-def _validate_in_parts(said: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+def _validate_in_parts(document: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     """Validate a few entries of a mapping at a time; pydantic can end only lists early."""
-    if not isinstance(said, dict) or len(said) <= _TOGETHER:
-        return handler(said)
-    entries, found = iter(said.items()), {}
+    if not isinstance(document, dict) or len(document) <= _TOGETHER:
+        return handler(document)
+    entries, found = iter(document.items()), {}
     while part := dict(islice(entries, _TOGETHER)):
         found.update(handler(part))
     return found
@@ -54,12 +54,14 @@ Listed = Annotated[tuple[_Item, ...], _FirstFault()]
 Keyed = Annotated[dict[_Key, _Value], WrapValidator(_validate_in_parts)]
 
 
-def keep_one_unknown(said: Any, known: Collection[str]) -> Any:
+def keep_one_unknown(document: Any, known: Collection[str]) -> Any:
     """Return a mapping with the first of its unknown keys, which is a fault, and without others."""
-    if not isinstance(said, dict) or len(said) <= len(known):
-        return said
-    kept = {key: said[key] for key in known if key in said}
-    return kept | {key: said[key] for key in islice((k for k in said if k not in kept), 1)}
+    if not isinstance(document, dict) or len(document) <= len(known):
+        return document
+    listed = {key: document[key] for key in known if key in document}
+    return listed | {
+        key: document[key] for key in islice((k for k in document if k not in listed), 1)
+    }
 
 
 class Record(BaseModel):
@@ -73,9 +75,9 @@ class SaidRecord(Record):
 
     @model_validator(mode="before")
     @classmethod
-    def _keep_one_unknown(cls, said: Any) -> Any:
-        known = {one.alias or name for name, one in cls.model_fields.items()}
-        return keep_one_unknown(said, known)
+    def _keep_one_unknown(cls, document: Any) -> Any:
+        known = {field.alias or name for name, field in cls.model_fields.items()}
+        return keep_one_unknown(document, known)
 
 
 MAX_METRES = 1_000_000.0  # from the origin: a map may be in the metres of a country's grid
@@ -110,13 +112,13 @@ def name_fault(error: ValidationError) -> str:
     value = first["input"]
     is_shown = isinstance(value, str | int | float) and first["type"] not in _SELF_EXPLAINING
     shown = f", found {show_value(value)}" if is_shown else ""
-    said = first["msg"].removeprefix("Value error, ").removeprefix(f"{where}: ")
-    said = said.replace("valid tuple", "valid list")
+    fault = first["msg"].removeprefix("Value error, ").removeprefix(f"{where}: ")
+    fault = fault.replace("valid tuple", "valid list")
     if first["type"] == "too_long":  # pydantic's words say that it was validated
-        said = f"expected at most {first['ctx']['max_length']:,} entries, found more"
+        fault = f"expected at most {first['ctx']['max_length']:,} entries, found more"
     if first["type"] == "literal_error" and first["loc"][-1:] == ("version",):
         shown += f"; {ask_to_upgrade(value, 1, otherwise='another program wrote it')}"
-    return f"{where}: {said}{shown}"
+    return f"{where}: {fault}{shown}"
 
 
 def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:

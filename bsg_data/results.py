@@ -134,7 +134,7 @@ def _begin(staged: Path, plan: bytes, *, goes_on: bool) -> None:
         raise DatasetError(f"{staged}: is a link or a file; remove it", code="link", where=staged)
     if staged.exists():
         if not is_left(staged):
-            refuse_foreign(staged, (one.name for one in staged.iterdir() if one.name != BUILD))
+            refuse_foreign(staged, (path.name for path in staged.iterdir() if path.name != BUILD))
         elif goes_on and (staged / PLAN).read_bytes() == plan:
             return
         _discard(staged)
@@ -252,7 +252,9 @@ def _staging(stages: Mapping[Path, Path], *, force: bool, left: bool = False) ->
             is_same = left and path.is_file() and filecmp.cmp(new, path, shallow=False)
             if os.path.lexists(path) and not force and not is_same:
                 raise taken(path)
-            refuse_links(stages[next(one for one in new.parents if one in stages)], path.parent)
+            refuse_links(
+                stages[next(outer for outer in new.parents if outer in stages)], path.parent
+            )
             flush_file(new)
     except BaseException:
         for path in () if left else (*stages, *is_new):

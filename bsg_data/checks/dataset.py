@@ -246,8 +246,8 @@ def _check_pairs(
             times[scene] += 1
             if split != split_of_file(entry.path):
                 yield where, f"expected split {split_of_file(entry.path)}, found {split}"
-            elif (said := rows["split"].unique().to_pylist()) != [split]:
-                yield where, f"expected {split} as `split` of every row, found {said}"
+            elif (splits_found := rows["split"].unique().to_pylist()) != [split]:
+                yield where, f"expected {split} as `split` of every row, found {splits_found}"
             elif rows["draw"].unique().to_pylist() != list(range(draws)):
                 yield where, f"expected draws 0..{draws - 1}, in order"
     for scene in sorted(split_of):

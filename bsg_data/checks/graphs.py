@@ -59,11 +59,11 @@ class _Rows:
     def report(self, wrong: Bools, rule: str) -> Iterator[_Fault]:
         """Yield a fault for each row that is marked."""
         for row in np.flatnonzero(wrong).tolist():
-            one = self.table.slice(row, 1).to_pylist()[0]
+            fields = self.table.slice(row, 1).to_pylist()[0]
             kind = self.name.removesuffix("s")
             where = {"scene": "", "edge": ", rooms {source_index} and {target_index}"}
-            what = where.get(kind, f", {kind} {{{kind}_index}}").format(**one)
-            yield self.name, f"{one['scene_id']}{what}", rule
+            what = where.get(kind, f", {kind} {{{kind}_index}}").format(**fields)
+            yield self.name, f"{fields['scene_id']}{what}", rule
 
     def find_misnumbered(self, index: str, rising: str) -> Iterator[_Fault]:
         """Yield rows whose index does not run, or whose id does not rise."""
@@ -108,8 +108,9 @@ def _find_room_faults(rooms: _Rows) -> Iterator[_Fault]:
     outlines = rooms.table["footprint"].to_pylist()
     is_outline = np.array(
         [
-            one is None or (len(one) >= 6 and len(one) % 2 == 0 and bool(np.isfinite(one).all()))
-            for one in outlines
+            outline is None
+            or (len(outline) >= 6 and len(outline) % 2 == 0 and bool(np.isfinite(outline).all()))
+            for outline in outlines
         ],
         bool,
     )

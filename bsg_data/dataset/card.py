@@ -75,15 +75,18 @@ def column_table(schema: pa.Schema) -> list[str]:
             continue
         if name.endswith("_x"):
             name, meaning = f"{name}`, `_y`, `_z", meaning.removesuffix(", x")
-        told = f"{meaning} (null: {null})" if null else meaning
-        rows.append((f"`{name}`", f"{kind}, {unit}" if unit else kind, told))
+        description = f"{meaning} (null: {null})" if null else meaning
+        rows.append((f"`{name}`", f"{kind}, {unit}" if unit else kind, description))
     return format_markdown(rows, header=("column", "type", "meaning"))
 
 
 def write_croissant(manifest: Manifest) -> str:
     """Return the dataset as Croissant 1.0 JSON-LD (https://mlcommons.org/croissant)."""
     every = [source.terms for source in manifest.sources]
-    terms, sets = [one for one in every if one is not None], list(_file_sets(manifest))
+    terms, sets = (
+        [entry for entry in every if entry is not None],
+        list(_file_sets(manifest)),
+    )
     description = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -91,9 +94,11 @@ def write_croissant(manifest: Manifest) -> str:
         "description": "3D scene graphs of buildings: rooms, objects, containment, masked pairs.",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "version": f"{manifest.format_version}.0.0",
-        "license": _one_or_all(one.licence_url if one else _UNKNOWN for one in every),
-        **({"url": _one_or_all(one.homepage for one in terms)} if terms else {}),
-        **({"citeAs": "; ".join(dict.fromkeys(one.citation for one in terms))} if terms else {}),
+        "license": _one_or_all(entry.licence_url if entry else _UNKNOWN for entry in every),
+        **({"url": _one_or_all(entry.homepage for entry in terms)} if terms else {}),
+        **(
+            {"citeAs": "; ".join(dict.fromkeys(entry.citation for entry in terms))} if terms else {}
+        ),
         "distribution": [
             {
                 "@type": "cr:FileSet",
@@ -140,19 +145,19 @@ def _one_or_all(values: Iterable[str]) -> str | list[str]:
 
 def _describe_sources(manifest: Manifest) -> list[str]:
     """Return a table of the sources, then what a user has to know of their terms, as lines."""
-    rows, told = [], []
+    rows, paragraphs = [], []
     for source in manifest.sources:
         kind, terms = escape_markdown(source.kind), source.terms
-        link, home, said = "unknown", "", f"the source is of {_UNKNOWN}."
+        link, home, conditions = "unknown", "", f"the source is of {_UNKNOWN}."
         if terms is not None:
             link, home = f"[{terms.licence}]({terms.licence_url})", f"<{terms.homepage}>"
-            said = html.escape(f"{terms.sentence} Cite: {terms.citation}.", quote=False)
+            conditions = html.escape(f"{terms.sentence} Cite: {terms.citation}.", quote=False)
         version = escape_markdown(source.version or "")
         rows.append((kind, version, mark_code(source.class_map.version), link, home))
-        told += [] if source.is_complete else [f"{kind}: {_RECORDED}", ""]
-        told += [f"{kind}: {said}", ""]
+        paragraphs += [] if source.is_complete else [f"{kind}: {_RECORDED}", ""]
+        paragraphs += [f"{kind}: {conditions}", ""]
     header = ("source", "version", "class map", "licence", "homepage")
-    return [*format_markdown(rows, header=header), "", *told]
+    return [*format_markdown(rows, header=header), "", *paragraphs]
 
 
 def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
@@ -199,15 +204,17 @@ def _name_licence(manifest: Manifest) -> dict[str, Any]:
     SPDX in lower case, `other` by name and link for what SPDX does not list.
     """
     terms = [source.terms for source in manifest.sources]
-    other = [one for one in terms if one and one.licence.startswith(LICENCE_REF)]
+    other = [entry for entry in terms if entry and entry.licence.startswith(LICENCE_REF)]
     names = (
-        "unknown" if one is None else "other" if one in other else one.licence.lower()
-        for one in terms
+        "unknown" if entry is None else "other" if entry in other else entry.licence.lower()
+        for entry in terms
     )
     front: dict[str, Any] = {"license": _one_or_all(names)}
     if other:
-        front["license_name"] = _one_or_all(one.licence.removeprefix(LICENCE_REF) for one in other)
-        front["license_link"] = _one_or_all(one.licence_url for one in other)
+        front["license_name"] = _one_or_all(
+            entry.licence.removeprefix(LICENCE_REF) for entry in other
+        )
+        front["license_link"] = _one_or_all(entry.licence_url for entry in other)
     return front
 
 

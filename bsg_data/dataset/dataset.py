@@ -355,7 +355,7 @@ class _Shard:
         outside = classes.is_null()
         encoded = categories.filter(outside).combine_chunks()
         words = [*encoded.dictionary.to_pylist(), NO_CATEGORY]
-        given = [NO_CATEGORY if is_nameless(one) else one for one in words]
+        given = [NO_CATEGORY if is_nameless(word) else word for word in words]
         names, kinds = np.unique(np.array(given, dtype=str), return_inverse=True)
         width = len(names)
         codes = encoded.indices.fill_null(len(words) - 1).to_numpy()

@@ -105,8 +105,10 @@ class Unclassified:
         row_of = np.full(self.nodes, -1)
         row_of[nodes[1:]] = np.arange(1, len(nodes))
         rows = row_of[self.rows]
-        kept = np.flatnonzero(rows >= 0)
-        return Unclassified(self.names, len(nodes), rows[kept], self.kinds[kept], self.counts[kept])
+        found = np.flatnonzero(rows >= 0)
+        return Unclassified(
+            self.names, len(nodes), rows[found], self.kinds[found], self.counts[found]
+        )
 
     def count(self, vocabulary: tuple[str, ...]) -> Counts:
         """Return the objects in the columns of a vocabulary, `[N, V]` cells."""
@@ -119,7 +121,9 @@ class Unclassified:
 
 def choose_vocabulary(unclassified: Iterable[Unclassified], *, min_scenes: int) -> tuple[str, ...]:
     """Return the sorted categories that occur in at least `min_scenes` of the scenes."""
-    scenes = Counter(name for one in unclassified for name in one.categories if name != NO_CATEGORY)
+    scenes = Counter(
+        name for scene in unclassified for name in scene.categories if name != NO_CATEGORY
+    )
     return tuple(sorted(name for name, number in scenes.items() if number >= min_scenes))
 
 

@@ -205,7 +205,7 @@ class Totals(Record):
     @classmethod
     def sum(cls, several: Iterable[Totals]) -> Totals:
         """Return the sums of several."""
-        rows = [one.model_dump() for one in several]
+        rows = [totals.model_dump() for totals in several]
         return cls(**{name: sum(row[name] for row in rows) for name in cls.model_fields})
 
 
@@ -226,7 +226,7 @@ class SourceEntry(Record):
 
 def add_fingerprints(fingerprints: Iterable[str]) -> str:
     """Return the fingerprint of what several are of, in whatever order."""
-    return f"{sum(int(one, 16) for one in fingerprints) % 2**256:064x}"
+    return f"{sum(int(fingerprint, 16) for fingerprint in fingerprints) % 2**256:064x}"
 
 
 def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
@@ -279,8 +279,8 @@ class Manifest(Record):
     def with_table(self, table: str, entries: tuple[FileEntry, ...], **update: object) -> Manifest:
         """Return the manifest with the files of `table` replaced by `entries`."""
         gone = {entry.path for entry in self.files_of(table)}
-        kept = (entry for entry in self.files if entry.path not in gone)
-        files = sorted((*kept, *entries), key=lambda entry: entry.path)
+        others = (entry for entry in self.files if entry.path not in gone)
+        files = sorted((*others, *entries), key=lambda entry: entry.path)
         return self.model_copy(update={"files": tuple(files), **update})
 
     def without_split(self) -> Manifest:
@@ -291,21 +291,25 @@ class Manifest(Record):
 def combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
     """Return the manifest of a dataset that holds what several hold, with all their files."""
     sources: dict[str, list[SourceEntry]] = {}  # those that differ in their annotations alone
-    for source in (source for one in manifests for source in one.sources):
+    for source in (source for manifest in manifests for source in manifest.sources):
         sources.setdefault(source.model_dump_json(exclude={"fingerprint"}), []).append(source)
     return Manifest(
         generator=manifests[0].generator,
         class_space=manifests[0].class_space,
         sources=tuple(_join_sources(same) for _, same in sorted(sources.items())),
-        scenes_per_shard=max(one.scenes_per_shard for one in manifests),
-        totals=Totals.sum(one.totals for one in manifests),
-        files=tuple(sorted((f for one in manifests for f in one.files), key=lambda f: f.path)),
-        skipped=tuple(skip for one in manifests for skip in one.skipped),
-        left_out=tuple(skip for one in manifests for skip in one.left_out),
-        meshes={scene: mesh for one in manifests for scene, mesh in one.meshes.items()},
-        unmapped=_add_up(entry for one in manifests for entry in one.unmapped),
-        resolved=_add_up(entry for one in manifests for entry in one.resolved),
-        unknown_labels=_add_up(entry for one in manifests for entry in one.unknown_labels),
+        scenes_per_shard=max(manifest.scenes_per_shard for manifest in manifests),
+        totals=Totals.sum(manifest.totals for manifest in manifests),
+        files=tuple(
+            sorted((f for manifest in manifests for f in manifest.files), key=lambda f: f.path)
+        ),
+        skipped=tuple(skip for manifest in manifests for skip in manifest.skipped),
+        left_out=tuple(skip for manifest in manifests for skip in manifest.left_out),
+        meshes={scene: mesh for manifest in manifests for scene, mesh in manifest.meshes.items()},
+        unmapped=_add_up(entry for manifest in manifests for entry in manifest.unmapped),
+        resolved=_add_up(entry for manifest in manifests for entry in manifest.resolved),
+        unknown_labels=_add_up(
+            entry for manifest in manifests for entry in manifest.unknown_labels
+        ),
     )
 
 
@@ -348,8 +352,8 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
 @lru_cache(maxsize=2)  # a command reads it several times, and parses it once
 def _parse_manifest(path: Path, data: bytes) -> Manifest:
     try:
-        said = parse_json(data, once=False)
-        found = said.get("format_version")
+        document = parse_json(data, once=False)
+        found = document.get("format_version")
     except (ValueError, AttributeError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     if found != FORMAT_VERSION:
@@ -361,7 +365,9 @@ def _parse_manifest(path: Path, data: bytes) -> Manifest:
             where=path,
         )
     try:
-        manifest = Manifest.model_validate({key: said[key] for key in said if key != "sha256"})
+        manifest = Manifest.model_validate(
+            {key: document[key] for key in document if key != "sha256"}
+        )
         fault = "" if encode_manifest(manifest) == data else "its sha256 is that of other bytes"
     except ValidationError as error:
         fault = name_fault(error)

@@ -81,7 +81,7 @@ class Objects(Sequence[SceneObject]):
 
 def _own_columns(schema: pa.Schema, record: type) -> list[str]:
     """Return the columns that are fields of a record with the same name."""
-    return [one.name for one in fields(record) if one.name in schema.names]
+    return [field.name for field in fields(record) if field.name in schema.names]
 
 
 _SCENE, _ROOM = _own_columns(SCENES, SceneGraph), _own_columns(ROOMS, Room)
@@ -172,7 +172,8 @@ def _edge_columns(graphs: Sequence[SceneGraph], objects: pa.Table) -> _Columns:
     source, target = np.zeros((2, len(part)), dtype=np.int32)
     target[part == 0] = rooms
     source[part == 1], target[part == 1] = objects["room_index"], objects["object_index"]
-    source[part == 2], target[part == 2] = _ends_of(joined).T
+    source[part == 2] = [edge.source for edge in joined]
+    target[part == 2] = [edge.target for edge in joined]
     words = ["annotation", *dict.fromkeys(edge.method for edge in joined)]
     method, distance = np.zeros(len(part), dtype=np.int32), np.full(len(part), np.nan)
     method[part == 2] = [words.index(edge.method) for edge in joined]
@@ -187,10 +188,6 @@ def _edge_columns(graphs: Sequence[SceneGraph], objects: pa.Table) -> _Columns:
         "method": _choose(words, method),
         "distance_m": pa.array(distance, from_pandas=True),
     }
-
-
-def _ends_of(edges: Sequence[Edge]) -> Ints:
-    return np.array([(edge.source, edge.target) for edge in edges], np.int64).reshape(-1, 2)
 
 
 def _repeat(graphs: Sequence[SceneGraph], times: Sequence[int] | Ints) -> pa.Array:
@@ -277,7 +274,7 @@ def _read_edges(table: pa.Table) -> Iterator[Edge]:
 
 def _make(record: type[_Record], columns: Mapping[str, Sequence[Any]]) -> Iterator[_Record]:
     """Make records of columns with the names of their fields."""
-    return map(record, *(columns[one.name] for one in fields(cast(Any, record))))
+    return map(record, *(columns[field.name] for field in fields(cast(Any, record))))
 
 
 def _read_column(column: pa.ChunkedArray) -> list[Any]:

@@ -157,15 +157,15 @@ class DatasetFiles:
         if data is None:
             self._refuse(entry)
         with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
-            expected = _schema_of(_table_of(entry), self.manifest.class_space)
+            expected = _schema_of(entry.path.partition("/")[0], self.manifest.class_space)
             for name in {*dictionaries} & {*expected.names}:
-                one = expected.field(name)
-                words = one.with_type(pa.dictionary(pa.int32(), one.type))
+                field = expected.field(name)
+                words = field.with_type(pa.dictionary(pa.int32(), field.type))
                 expected = expected.set(expected.get_field_index(name), words)
             if not file.schema_arrow.equals(expected, check_metadata=False):
                 both = (file.schema_arrow, expected)
                 plain = [{*map(pa.Field.remove_metadata, some)} for some in both]
-                names = ", ".join(sorted({one.name for one in plain[0] ^ plain[1]}))
+                names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]}))
                 message = f"{path}: other columns than the format has ({names or 'their order'})"
                 raise DatasetError(message, code="columns", where=entry.path)
             yield file
@@ -208,10 +208,6 @@ def _read_whole(path: Path, entry: FileEntry) -> bytes | None:
     except OSError:
         return None
     return data if hashlib.sha256(data).hexdigest() == entry.sha256 else None
-
-
-def _table_of(entry: FileEntry) -> str:
-    return entry.path.partition("/")[0]
 
 
 def _schema_of(table: str, class_space: ClassSpace) -> pa.Schema:

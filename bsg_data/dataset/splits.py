@@ -95,7 +95,7 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
         return manifest.without_split().with_table("splits", entry, split=recipe)
 
     return update_manifest(
-        dataset, write, is_made=lambda there: there.split == recipe and there.pairs is None
+        dataset, write, is_made=lambda manifest: manifest.split == recipe and manifest.pairs is None
     )
 
 

@@ -37,8 +37,8 @@ def _stream_objects(
             names = pc.dictionary_encode(table["raw_category"].combine_chunks())
             known = [class_map.classify(name) for name in names.dictionary.to_pylist()]
             for column in columns:
-                said = pa.array([getattr(one, column) for one in known])
-                table = table.append_column(column, said.take(names.indices))
+                values = pa.array([getattr(entry, column) for entry in known])
+                table = table.append_column(column, values.take(names.indices))
         yield table
 
 
@@ -94,14 +94,14 @@ def measure_coverage(data: Dataset, class_map: ClassMap | None = None) -> dict[s
             if role == "left-out":
                 left_out[category] += times
     number, things = roles.total(), roles.total() - roles["structure"]
-    most = sorted(left_out.items(), key=lambda one: (-one[1], one[0]))[:_SHOWN]
+    frequent = sorted(left_out.items(), key=lambda item: (-item[1], item[0]))[:_SHOWN]
     order = ("classified", "structure", "nameless", "unmapped", "left-out")
     return {
         "objects": number,
         **{role.replace("-", "_"): roles[role] for role in order},
         "share": roles["classified"] / max(1, things),
         "share_of_named": roles["classified"] / max(1, things - roles["nameless"]),
-        "most_left_out": dict(most),
+        "most_left_out": dict(frequent),
     }
 
 

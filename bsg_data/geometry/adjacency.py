@@ -54,8 +54,8 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     boxes[:, 0, 2] = np.minimum(floors, boxes[:, 1, 2])
     pairs, probability = score_pairs(boxes)
     threshold = _SURE if "door" in seen.values() else THRESHOLD
-    kept = choose_pairs(pairs, probability, rooms=len(placed), known=seen, threshold=threshold)
-    methods = {(int(a), int(b)): "boxes" for a, b in pairs[kept]} | seen
+    chosen = choose_pairs(pairs, probability, rooms=len(placed), known=seen, threshold=threshold)
+    methods = {(int(a), int(b)): "boxes" for a, b in pairs[chosen]} | seen
     edges = [
         Edge(
             placed[a].room_index,
@@ -69,11 +69,11 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     return replace(graph, adjacency=tuple(edges))
 
 
-def measure_distance(one: Room, other: Room) -> float | None:
+def measure_distance(room: Room, other: Room) -> float | None:
     """Return the metres between the centroids of two rooms; None without geometry."""
-    if one.centroid is None or other.centroid is None:
+    if room.centroid is None or other.centroid is None:
         return None
-    return float(np.linalg.norm(np.subtract(one.centroid, other.centroid)))
+    return float(np.linalg.norm(np.subtract(room.centroid, other.centroid)))
 
 
 class _Ways:
@@ -128,6 +128,6 @@ class _Ways:
         if not len(near):
             return
         gaps = shapely.distance(shapely.box(a, b, c, d), self._shapes[near])
-        there = int(near[gaps.argmin()])
+        nearest = int(near[gaps.argmin()])
         if gaps.min() <= reach:
-            yield min(here, there), max(here, there)
+            yield min(here, nearest), max(here, nearest)

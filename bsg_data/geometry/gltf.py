@@ -93,14 +93,14 @@ def read_parts(data: bytes) -> Iterator[MeshPart]:
     shown: dict[int, list[tuple[Any, Floats]]] = {}  # by texture; a part is made when it is due
     for name, mesh in scene.geometry.items():
         # Names of nodes are random where a mesh has several primitives: order by what they say.
-        matrices = [scene.graph.get(one)[0] for one in scene.graph.geometry_nodes.get(name, ())]
+        matrices = [scene.graph.get(node)[0] for node in scene.graph.geometry_nodes.get(name, ())]
         for matrix in sorted(matrices, key=lambda matrix: matrix.tolist()):
             if hasattr(mesh, "faces") and len(mesh.faces):  # neither lines nor points
                 shown.setdefault(id(_texture_of(mesh)), []).append((mesh, matrix))
     if not shown:
         raise MeshError("shows no triangle", code="mesh-empty")
     clamped = _wraps(tree) == {_CLAMP}
-    for mesh, matrix in (one for meshes in shown.values() for one in meshes):
+    for mesh, matrix in (placed for meshes in shown.values() for placed in meshes):
         yield _make_part(mesh, matrix, clamped=clamped)
 
 
@@ -119,19 +119,19 @@ def _find_unread(tree: _Entry) -> Iterator[tuple[str, str]]:
     odd = required - _HARMLESS | _MISREAD.intersection(tree.get("extensionsUsed", []))
     for name in sorted(odd):
         yield "mesh-extension", f"uses {name}"
-    if any("uri" in one for one in (*tree.get("buffers", []), *tree.get("images", []))):
+    if any("uri" in entry for entry in (*tree.get("buffers", []), *tree.get("images", []))):
         yield "mesh-elsewhere", "its buffer or an image is in another file"
     accessors = tree.get("accessors", [])
-    if any("sparse" in one for one in accessors):
+    if any("sparse" in entry for entry in accessors):
         yield "mesh-data", "has sparse accessors"
-    for primitive in (one for mesh in tree.get("meshes", []) for one in mesh["primitives"]):
+    for primitive in (entry for mesh in tree.get("meshes", []) for entry in mesh["primitives"]):
         place = primitive["attributes"].get("TEXCOORD_0")
         if place is not None and accessors[place]["componentType"] != _FLOAT:
             yield "mesh-data", "has texture coordinates in whole numbers"
         if primitive.get("mode") == _FAN or "targets" in primitive:
             yield "mesh-shape", "has fans of triangles, or morph targets"
-    materials = (one.get("pbrMetallicRoughness", {}) for one in tree.get("materials", []))
-    if any(one.get("baseColorTexture", {}).get("texCoord", 0) for one in materials):
+    materials = (entry.get("pbrMetallicRoughness", {}) for entry in tree.get("materials", []))
+    if any(entry.get("baseColorTexture", {}).get("texCoord", 0) for entry in materials):
         yield "mesh-texture", "has a second set of texture coordinates"
     if _wraps(tree) not in ({_REPEAT}, {_CLAMP}, set()):
         yield "mesh-texture", "its textures repeat in mirrors, or some repeat and some end"
@@ -140,8 +140,8 @@ def _find_unread(tree: _Entry) -> Iterator[tuple[str, str]]:
 def _wraps(tree: _Entry) -> set[int]:
     """Return how textures go on beyond their edges."""
     textures = tree.get("textures", [])
-    used = [tree["samplers"][one["sampler"]] if "sampler" in one else {} for one in textures]
-    return {one.get(side, _REPEAT) for one in used for side in ("wrapS", "wrapT")}
+    used = [tree["samplers"][entry["sampler"]] if "sampler" in entry else {} for entry in textures]
+    return {entry.get(side, _REPEAT) for entry in used for side in ("wrapS", "wrapT")}
 
 
 def _texture_of(mesh: Any) -> Image.Image | None:

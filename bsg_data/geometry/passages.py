@@ -150,11 +150,11 @@ def choose_pairs(
     part = np.arange(rooms)
     for a, b in known:
         part[part == part[a]] = part[b]
-    kept = np.zeros(len(pairs), dtype=bool)
+    chosen = np.zeros(len(pairs), dtype=bool)
     for number in np.argsort(-np.round(probability, 9), kind="stable"):
         a, b = pairs[number]
         joins = part[a] != part[b] and probability[number] >= _JOIN
-        kept[number] = probability[number] >= threshold or joins or (int(a), int(b)) in known
-        if kept[number]:
+        chosen[number] = probability[number] >= threshold or joins or (int(a), int(b)) in known
+        if chosen[number]:
             part[part == part[a]] = part[b]
-    return kept
+    return chosen

@@ -45,7 +45,9 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
     """Return the scene graph with boxes and storeys, from the survey of its mesh."""
     up_axis = _find_up_axis(graph, survey)
     upright = np.array(UPRIGHT[up_axis])
-    boxes, parts = (_round(_turn_boxes(one, upright)) for one in (survey.box, survey.part_box))
+    boxes, parts = (
+        _round(_turn_boxes(measured, upright)) for measured in (survey.box, survey.part_box)
+    )
     places = zip(
         graph.objects,
         survey.area.tolist(),
@@ -183,18 +185,18 @@ def surround(points: Floats) -> tuple[tuple[float, float], ...]:
 
 def _straighten(corners: Floats) -> Floats:
     """Leave corners out that stand less than a millimetre off the line of their neighbours."""
-    kept: list[int] = []
+    straight: list[int] = []
     last = left = len(corners)
     for number in range(last):
-        before = kept[-1] if kept else last - 1
-        after = number + 1 if number + 1 < last else kept[0]
-        (ax, ay), (bx, by), (cx, cy) = (corners[one] for one in (before, number, after))
+        before = straight[-1] if straight else last - 1
+        after = number + 1 if number + 1 < last else straight[0]
+        (ax, ay), (bx, by), (cx, cy) = (corners[place] for place in (before, number, after))
         off = abs((cx - ax) * (by - ay) - (cy - ay) * (bx - ax))
         if left > 3 and off < _STRAIGHT * np.hypot(cx - ax, cy - ay):
             left -= 1
         else:
-            kept.append(number)
-    return corners[kept]
+            straight.append(number)
+    return corners[straight]
 
 
 def find_storeys(rooms: Sequence[Room]) -> tuple[Room, ...]:
@@ -226,8 +228,8 @@ def _find_floor(room: Room, floors: Sequence[SceneObject]) -> float | None:
 def _turn_boxes(boxes: Floats, upright: Floats) -> Floats:
     """Return boxes `[B, 2, 3]` in other axes, corners in order again."""
     places = np.abs(upright).argmax(axis=1)  # of 1 or -1 in each row; threads make `@` slow
-    one, other = (boxes[:, end, places] * upright.sum(axis=1) for end in (0, 1))
-    return np.stack([np.minimum(one, other), np.maximum(one, other)], axis=1)
+    first, second = (boxes[:, end, places] * upright.sum(axis=1) for end in (0, 1))
+    return np.stack([np.minimum(first, second), np.maximum(first, second)], axis=1)
 
 
 def _round(metres: npt.ArrayLike) -> Floats:

@@ -94,9 +94,11 @@ class _Tally:
                 for pieces, places in triangles.cut_long(part.places.take(faces)):
                     self._add(pieces, sheet.label(places))
             elif named is not None:
-                one, other, third = named.take(faces)
-                most = np.where(other == third, other, one)  # of three that differ, the first
-                for pieces, label in triangles.cut_long(np.stack([most] * 3).astype(np.complex64)):
+                first, second, third = named.take(faces)
+                common = np.where(second == third, second, first)  # of three that differ, the first
+                for pieces, label in triangles.cut_long(
+                    np.stack([common] * 3).astype(np.complex64)
+                ):
                     self._add(pieces, np.round(label.real).astype(np.uint16))
             else:
                 self.uncoloured += float(triangles.measure()[0].sum(dtype=float))
@@ -135,11 +137,11 @@ def _summarise(tally: _Tally, palette: ColourLabels, *, sha256: str) -> MeshSurv
     part_box, owner = parts.measure(len(texels))[0][FIRST:], find_labels(parts.cells) - FIRST
     corners = find_corners(parts.cells)
     cells = np.stack([corners, corners + CELL], axis=1)
-    area, there = areas[FIRST:], areas[FIRST:] > 0
+    area, is_shown = areas[FIRST:], areas[FIRST:] > 0
     return MeshSurvey(
         area=area,
-        centroid=np.stack(moments, axis=1)[FIRST:] / np.where(there, area, np.nan)[:, None],
-        box=np.where(there[:, None, None], box[FIRST:], np.nan),
+        centroid=np.stack(moments, axis=1)[FIRST:] / np.where(is_shown, area, np.nan)[:, None],
+        box=np.where(is_shown[:, None, None], box[FIRST:], np.nan),
         part_box=part_box,
         cells=np.clip(cells, part_box[owner, :1], part_box[owner, 1:]),
         owner=owner,

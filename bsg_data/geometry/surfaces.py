@@ -100,13 +100,13 @@ class Surface:
     @classmethod
     def join(cls, several: Sequence[Surface]) -> Surface:
         """Return one surface of several, one or more, in the order of labels."""
-        starts = np.concatenate([one.starts for one in several])
+        starts = np.concatenate([surface.starts for surface in several])
         order = np.argsort(starts >> np.uint64(48), kind="stable")
         low, high, sums = (
-            np.concatenate([getattr(one, name) for one in several], axis=1)[:, order]
+            np.concatenate([getattr(surface, name) for surface in several], axis=1)[:, order]
             for name in ("low", "high", "sums")
         )
-        cells = _sort(np.concatenate([one.cells for one in several]))
+        cells = _sort(np.concatenate([surface.cells for surface in several]))
         return cls(starts[order], low, high, sums, cells)
 
     def keep(self, stretches: Bools, cells: Bools) -> Surface:
@@ -133,8 +133,8 @@ class Surface:
         best = np.full(labels.max() + 1, -1)
         runs, named = find_runs(labels[order])
         best[named] = part[order[runs]]
-        kept = (part == best[labels]) & (labels >= first)
-        return self.keep(kept[np.searchsorted(self.cells, self.starts)], kept)
+        is_best = (part == best[labels]) & (labels >= first)
+        return self.keep(is_best[np.searchsorted(self.cells, self.starts)], is_best)
 
 
 def _find_starts(cells: Keys) -> Ints:
@@ -175,8 +175,8 @@ def cut_triangle(n: int) -> Floats:
     i, j = np.indices((n, n)).reshape(2, -1)
     first = np.array([[i, j], [i + 1, j], [i, j + 1]])[:, :, i + j < n]
     second = np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]])[:, :, i + j < n - 1]
-    one, other = np.concatenate([first, second], axis=2).transpose(1, 2, 0) / n
-    return np.stack([1 - one - other, one, other], axis=2)
+    u, v = np.concatenate([first, second], axis=2).transpose(1, 2, 0) / n
+    return np.stack([1 - u - v, u, v], axis=2)
 
 
 def _find_parts(cells: Keys) -> Ints:
@@ -184,15 +184,15 @@ def _find_parts(cells: Keys) -> Ints:
     from scipy.sparse import coo_array  # Imported here because importing SciPy is slow.
     from scipy.sparse.csgraph import connected_components
 
-    one = np.uint64(1)
-    starts = np.append(0, 1 + np.flatnonzero(np.diff(cells) != one))  # of cells in line along z
+    unit = np.uint64(1)
+    starts = np.append(0, 1 + np.flatnonzero(np.diff(cells) != unit))  # of cells in line along z
     lengths = np.diff(starts, append=len(cells))
     lowest, highest = cells[starts], cells[starts + lengths - 1]
     rows, columns = [], []
     for step in _STEPS:
-        line, other = np.arange(len(starts)), np.searchsorted(highest, lowest + step - one)
+        line, other = np.arange(len(starts)), np.searchsorted(highest, lowest + step - unit)
         while len(line):  # the first line there that is not below, and those above that one
-            touches = lowest.take(other, mode="clip") <= highest[line] + step + one
+            touches = lowest.take(other, mode="clip") <= highest[line] + step + unit
             touches &= other < len(starts)
             line, other = line[touches], other[touches]
             rows.append(line)

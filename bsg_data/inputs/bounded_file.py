@@ -39,7 +39,7 @@ def read_member(path: Path, name: str) -> bytes:
     """Read the one member of a zip that has a name, in whatever folder; nothing goes to disk."""
     with _refusing(path, SourceError, _ZIP_DAMAGE), zipfile.ZipFile(path) as archive:
         names = archive.namelist()
-        found = [one for one in names if PurePosixPath(one).name == name]
+        found = [member for member in names if PurePosixPath(member).name == name]
         if len(found) != 1:
             raise SourceError(
                 f"{path}: expected {name} inside once, found it {len(found)} times among "

@@ -149,10 +149,10 @@ class _PlainLoader(yaml.BaseLoader):  # type: ignore[misc] # the faster one ends
         keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
         if len(keys) < len(node.value):
             (twice, times), *_ = keys.most_common(1) or [("", 0)]
-            said = (
+            fault = (
                 f"the key {show_value(twice)} twice"
                 if times > 1
                 else "a list or a mapping as a key"
             )
-            raise ValueError(said)
+            raise ValueError(fault)
         return dict(super().construct_mapping(node, deep=deep))

@@ -26,6 +26,6 @@ def refusing_damage(path: Path, *, error: Refusal = SourceError) -> Iterator[Non
     except BSGError:  # of whoever reads within the block; some are a ValueError, too
         raise
     except _DAMAGE as fault:
-        said = getattr(fault, "strerror", None) or " ".join(str(fault).split())[:300]
-        message = f"{path}: not readable as parquet ({said})"
+        reason = getattr(fault, "strerror", None) or " ".join(str(fault).split())[:300]
+        message = f"{path}: not readable as parquet ({reason})"
         raise error(message, code="parquet-unreadable", where=path) from fault

@@ -38,8 +38,8 @@ def read_csv(path: Path) -> Iterator[_Row]:
                 yield line, row
             elif any(map(str.strip, row)):
                 where = f"{path}, line {line}"
-                said = f"expected {width} fields, as the header; found {len(row)}"
-                raise SourceError(f"{where}: {said}", code="row-ragged", where=where)
+                fault = f"expected {width} fields, as the header; found {len(row)}"
+                raise SourceError(f"{where}: {fault}", code="row-ragged", where=where)
     except ValueError as error:
         why = str(error).partition("; ")[0]
         message = f"{path}: no table ({why}); save it as CSV in UTF-8 (Excel: CSV UTF-8)"

@@ -58,7 +58,7 @@ def hash_splits(data: Dataset, splits: Sequence[str] | None = None) -> dict[str,
     begun = hashlib.sha256(_FORM + "".join(f"{name}\n" for name in classes).encode() + b"\n")
     found = {name: begun.copy() for name in (*names, ALL)}
     streams = (_pack_scenes(data, name) for name in names)
-    for _, name, packed in heapq.merge(*streams, key=lambda one: one[0]):
+    for _, name, packed in heapq.merge(*streams, key=lambda scene: scene[0]):
         found[name].update(packed)
         found[ALL].update(packed)
     return {name: digest.hexdigest() for name, digest in found.items()}

@@ -76,10 +76,10 @@ class MaskedBuildings:
 def stack_masked(several: Sequence[MaskedBuildings]) -> MaskedBuildings:
     """Return one record with the buildings of several, in order."""
     return MaskedBuildings(
-        stack([one.seen for one in several]),
-        np.concatenate([one.targets for one in several]),
-        np.concatenate([one.draws for one in several]),
-        np.concatenate([one.nodes for one in several]),
+        stack([masked.seen for masked in several]),
+        np.concatenate([masked.targets for masked in several]),
+        np.concatenate([masked.draws for masked in several]),
+        np.concatenate([masked.nodes for masked in several]),
     )
 
 
@@ -114,10 +114,10 @@ def sample_masked(
     """
     recipes = [mask] * len(scenes) if isinstance(mask, MaskRecipe) else mask
     draws = _Draws(data, scenes, recipes, np.full(len(scenes), draw))
-    cells = [one.cells for one in draws.buildings]
-    views, there, hidden = sample_masks(cells, draws.layouts, draws.streams)
+    cells = [building.cells for building in draws.buildings]
+    views, present, hidden = sample_masks(cells, draws.layouts, draws.streams)
     starts = np.cumsum([0, *(len(view.nodes) for view in views)])[:-1]
-    targets, hidden = stack_histograms(there, starts), stack_histograms(hidden, starts)
+    targets, hidden = stack_histograms(present, starts), stack_histograms(hidden, starts)
     return draws.mask(views, targets, hidden, vocabulary)
 
 
@@ -184,7 +184,10 @@ class _Draws:
 
     @property
     def layouts(self) -> list[Layout]:
-        return [Layout(one.cells.shape, one.connections, one.nameable) for one in self.buildings]
+        return [
+            Layout(building.cells.shape, building.connections, building.nameable)
+            for building in self.buildings
+        ]
 
     def mask(
         self, views: Sequence[View], targets: Counts, hidden: Counts, vocabulary: tuple[str, ...]
@@ -202,29 +205,29 @@ class _Draws:
             connections=connections,
             surroundings=surroundings,
         )
-        nameable = np.repeat([one.nameable for one in self.buildings], sizes, axis=0)
+        nameable = np.repeat([building.nameable for building in self.buildings], sizes, axis=0)
         targets = np.where(nameable, targets, MaskedBuildings.UNKNOWN)
         nodes = np.concatenate([view.nodes for view in views])
         return MaskedBuildings(seen, targets, self.numbers, nodes)
 
     def _see_unclassified(
-        self, views: Sequence[View], there: Counts, hidden: Counts, vocabulary: tuple[str, ...]
+        self, views: Sequence[View], present: Counts, hidden: Counts, vocabulary: tuple[str, ...]
     ) -> Counts:
         """Return the objects outside the classes that are seen, `[K, V]` cells.
 
         All such objects are masked before the vocabulary selects some, so it changes no mask.
         """
         if not vocabulary:
-            return np.zeros((len(there), 0), dtype=np.int64)
+            return np.zeros((len(present), 0), dtype=np.int64)
         seen = see_unclassified(
             [self.data.unclassified(scene) for scene in self.scenes],
             views,
             self.streams,
-            there=there,
+            present=present,
             hidden=hidden,
             classes=self.data.manifest.class_space.classes,
         )
-        return np.concatenate([one.count(vocabulary) for one in seen])
+        return np.concatenate([objects.count(vocabulary) for objects in seen])
 
 
 def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:

@@ -83,8 +83,8 @@ def sample_masks(
     how many of each are hidden.
     """
     views = sample_views(layouts, streams)
-    there = np.concatenate([view.cut(one) for view, one in zip(views, cells, strict=True)])
-    return views, there, hide_cells(there, views, streams)
+    present = np.concatenate([view.cut(counts) for view, counts in zip(views, cells, strict=True)])
+    return views, present, hide_cells(present, views, streams)
 
 
 def sample_views(layouts: Sequence[Layout], streams: MaskStreams) -> list[View]:

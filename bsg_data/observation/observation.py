@@ -154,17 +154,20 @@ def stack(observations: Sequence[Observation]) -> Observation:
     Raises:
         ValueError: if there is none, or their vocabularies differ.
     """
-    if len({one.vocabulary for one in observations}) != 1:
+    if len({seen.vocabulary for seen in observations}) != 1:
         raise ValueError("expected one or more observations of the same vocabulary")
-    sizes = np.concatenate([np.diff(one.starts) for one in observations])
-    offsets = np.cumsum([0, *(len(one.inputs) for one in observations)])[:-1]
+    sizes = np.concatenate([np.diff(seen.starts) for seen in observations])
+    offsets = np.cumsum([0, *(len(seen.inputs) for seen in observations)])[:-1]
     return Observation(
-        scene_ids=tuple(scene for one in observations for scene in one.scene_ids),
+        scene_ids=tuple(scene for seen in observations for scene in seen.scene_ids),
         starts=np.concatenate([[0], np.cumsum(sizes)]),
         vocabulary=observations[0].vocabulary,
-        connections=stack_connections([one.connections for one in observations], offsets.tolist()),
-        surroundings=stack_surroundings([one.surroundings for one in observations]),
+        connections=stack_connections(
+            [seen.connections for seen in observations], offsets.tolist()
+        ),
+        surroundings=stack_surroundings([seen.surroundings for seen in observations]),
         **{
-            name: np.concatenate([getattr(one, name) for one in observations]) for name in _OF_NODES
+            name: np.concatenate([getattr(seen, name) for seen in observations])
+            for name in _OF_NODES
         },
     )

@@ -55,10 +55,10 @@ def sample_pairs(
     many, again = len(looks), len(numbers) // len(looks)
     layouts = [Layout(cells.shape, connections, nameable)] * many
     views = sample_views(layouts, _streams_of(mask, scene_id, looks))
-    there = np.concatenate([view.cut(cells) for view in views])
-    hidden = hide_cells(there, views, _streams_of(mask, scene_id, numbers))
+    present = np.concatenate([view.cut(cells) for view in views])
+    hidden = hide_cells(present, views, _streams_of(mask, scene_id, numbers))
     starts = np.cumsum([0, *(len(view.nodes) for view in views * again)])[:-1]
-    targets = np.tile(stack_histograms(there, starts[:many]), (again, 1))
+    targets = np.tile(stack_histograms(present, starts[:many]), (again, 1))
     hidden = stack_histograms(hidden, starts)
     return tuple(views * again), np.subtract(targets, hidden, out=hidden), targets
 
@@ -114,7 +114,7 @@ def write_pairs(
         )
         return manifest.with_table("pairs", files, pairs=recipe)
 
-    return update_manifest(dataset, write, is_made=lambda there: there.pairs == recipe)
+    return update_manifest(dataset, write, is_made=lambda manifest: manifest.pairs == recipe)
 
 
 def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:

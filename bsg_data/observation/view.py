@@ -177,10 +177,10 @@ def _way_to_hide(
     if not exact:
         return lambda rng: rng.binomial(counts, share)
     lots = list[tuple[Ints, Counts, int]]()
-    for one in sorted(set(share.tolist()) - {0.0, 1.0}):
-        some = np.flatnonzero((share == one) & (counts > 0))
+    for common in sorted(set(share.tolist()) - {0.0, 1.0}):
+        some = np.flatnonzero((share == common) & (counts > 0))
         # Exact in decimals: 0.29 of 100 is 29, not 28.
-        if number := math.floor(Decimal(repr(one)) * int(counts[some].sum())):
+        if number := math.floor(Decimal(repr(common)) * int(counts[some].sum())):
             lots.append((some, counts[some], number))
     if len(lots) == 1 and len(lots[0][0]) == len(counts):
         _, _, number = lots[0]
@@ -213,7 +213,7 @@ def see_unclassified(
     views: Sequence[View],
     streams: MaskStreams,
     *,
-    there: Counts,
+    present: Counts,
     hidden: Counts,
     classes: Sequence[str],
 ) -> list[Unclassified]:
@@ -223,19 +223,19 @@ def see_unclassified(
     thing of its class in its room. Where the room has none, and in the null region, which is no
     room, it falls under the ordinary rule. What the robot's detector does not know is not seen.
 
-    `unclassified` are the objects outside the classes of the buildings, `there` `[K, C]` the
+    `unclassified` are the objects outside the classes of the buildings, `present` `[K, C]` the
     classified ones of the robots' graphs, and `hidden` those of them that are hidden; both may be
     cells or histograms.
     """
     recipes = streams.recipes
-    found = [one.cut(view.nodes) for one, view in zip(unclassified, views, strict=True)]
-    counts = np.concatenate([one.counts for one in found])
-    share = [view.hidden_share[one.rows] for view, one in zip(views, found, strict=True)]
-    ends = np.cumsum([0, *(len(one.counts) for one in found)])
+    found = [objects.cut(view.nodes) for objects, view in zip(unclassified, views, strict=True)]
+    counts = np.concatenate([objects.counts for objects in found])
+    share = [view.hidden_share[objects.rows] for view, objects in zip(views, found, strict=True)]
+    ends = np.cumsum([0, *(len(objects.counts) for objects in found)])
     spans = [slice(*span) for span in pairwise(ends.tolist())]
     rate = np.full(len(counts), np.nan)  # at which parts of a thing are hidden
     if any(recipe.parts for recipe in recipes):
-        rate = _find_rates(found, views, recipes, there=there, hidden=hidden, classes=classes)
+        rate = _find_rates(found, views, recipes, present=present, hidden=hidden, classes=classes)
     is_part = ~np.isnan(rate)
     alone = np.where(is_part, 0, counts)
     (gone,) = _hide(alone, np.concatenate(share), ends, views, streams.of("unclassified"))
@@ -246,11 +246,11 @@ def see_unclassified(
     seen = counts - gone
     if any(recipe.detector for recipe in recipes):
         every = zip(streams.of("detector"), recipes, unclassified, found, spans, strict=True)
-        for rng, recipe, whole, one, span in every:
+        for rng, recipe, whole, objects, span in every:
             kinds = np.unique(whole.kinds)
             _, unknown = sample_unknown(rng, recipe, classes=len(classes), kinds=kinds)
-            seen[span][np.isin(one.kinds, unknown)] = 0
-    return [replace(one, counts=seen[span]) for one, span in zip(found, spans, strict=True)]
+            seen[span][np.isin(objects.kinds, unknown)] = 0
+    return [replace(objects, counts=seen[span]) for objects, span in zip(found, spans, strict=True)]
 
 
 def _find_rates(
@@ -258,17 +258,17 @@ def _find_rates(
     views: Sequence[View],
     recipes: Sequence[MaskRecipe],
     *,
-    there: Counts,
+    present: Counts,
     hidden: Counts,
     classes: Sequence[str],
 ) -> Floats:
     """Return the hidden share of the things that objects are parts of, `[P]`; NaN for no part."""
     rates, first = [], 0
-    for one, view, recipe in zip(found, views, recipes, strict=True):
+    for objects, view, recipe in zip(found, views, recipes, strict=True):
         rows = slice(first, first + len(view.nodes))
         first = rows.stop
-        whole = find_wholes(one.names, classes)[one.kinds]
-        things, gone = (counts[rows][one.rows, whole] for counts in (there, hidden))
-        attached = (whole >= 0) & (things > 0) & (one.rows > 0) & recipe.parts
+        whole = find_wholes(objects.names, classes)[objects.kinds]
+        things, gone = (counts[rows][objects.rows, whole] for counts in (present, hidden))
+        attached = (whole >= 0) & (things > 0) & (objects.rows > 0) & recipe.parts
         rates.append(np.where(attached, gone / np.maximum(things, 1), np.nan))
     return np.concatenate(rates)

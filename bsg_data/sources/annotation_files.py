@@ -145,17 +145,17 @@ def keep_one_copy(
     """
     if not refs:
         raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
-    kept: dict[str, SceneRef] = {}
+    first_of: dict[str, SceneRef] = {}
     duplicates: list[SkippedScene] = []
     conflicts: list[SkippedScene] = []
     for ref in sorted(refs, key=_preference):
-        first = kept.setdefault(ref.key, ref)
+        first = first_of.setdefault(ref.key, ref)
         if first is not ref:
             is_same = digest(first) == digest(ref)
-            said = "the same annotation" if is_same else "another annotation of the same building"
-            skip = SkippedScene(ref.scene_id, ref.location, f"{first.location} has {said}")
+            what = "the same annotation" if is_same else "another annotation of the same building"
+            skip = SkippedScene(ref.scene_id, ref.location, f"{first.location} has {what}")
             (duplicates if is_same else conflicts).append(skip)
-    scenes = sorted(kept.values(), key=lambda ref: ref.scene_id)
+    scenes = sorted(first_of.values(), key=lambda ref: ref.scene_id)
     return FoundScenes(
         tuple(scenes),
         duplicates=tuple(sorted(duplicates, key=lambda skip: skip.location)),
@@ -184,12 +184,12 @@ def once_for_each_state(read: _Read) -> _Read:
     """Remember what was read of the last files, while their sizes and times of change stay."""
 
     @lru_cache(maxsize=2)
-    def remember(path: Path, _: tuple[int, int], *rest: Any) -> Any:
-        return read(path, *rest)
+    def remember(path: Path, _: tuple[int, int], *options: Any) -> Any:
+        return read(path, *options)
 
     @wraps(read)
-    def read_again(path: Path, *rest: Any) -> Any:
-        return remember(path, state_of(path), *rest)
+    def read_again(path: Path, *options: Any) -> Any:
+        return remember(path, state_of(path), *options)
 
     return cast(_Read, read_again)
 

@@ -36,9 +36,9 @@ def assemble(
         kind: of the source.
         class_map: of the source's words.
     """
-    told = {room.region: room for room in annotation.rooms}
+    described = {room.region: room for room in annotation.rooms}
     regions = np.array(annotation.regions, dtype=np.int64)
-    rooms = np.union1d(regions[regions >= 0], np.array([*told], dtype=np.int64))
+    rooms = np.union1d(regions[regions >= 0], np.array([*described], dtype=np.int64))
     room_of = {region: index for index, region in enumerate(rooms.tolist(), start=1)}
     graph = SceneGraph(
         scene_id=ref.scene_id,
@@ -47,7 +47,7 @@ def assemble(
         source_split=ref.source_split,
         annotation_sha256=annotation.sha256 or ref.fingerprint,
         rooms=_set_levels(
-            _make_room(told.get(region) or AnnotatedRoom(region=region), index, kind)
+            _make_room(described.get(region) or AnnotatedRoom(region=region), index, kind)
             for region, index in room_of.items()
         ),
         objects=_number_objects(
@@ -84,25 +84,33 @@ def connect(graph: SceneGraph, pairs: Iterable[tuple[int, int]], *, method: str)
     return replace(graph, adjacency=tuple(edges[pair] for pair in sorted(edges)))
 
 
-def place_room(room: Room, told: AnnotatedRoom) -> Room:
-    """Return a room with the box that is told of it, and what follows from that."""
-    box, area = told.box, told.floor_area
+def place_room(room: Room, annotated: AnnotatedRoom) -> Room:
+    """Return a room with its annotated box, and what follows from that."""
+    box, area = annotated.box, annotated.floor_area
     if box is None:
-        return replace(room, centroid=told.centroid, footprint=told.footprint, floor_area=area)
+        return replace(
+            room, centroid=annotated.centroid, footprint=annotated.footprint, floor_area=area
+        )
     return replace(
         room,
         box=box,
-        centroid=told.centroid or box.centre,
+        centroid=annotated.centroid or box.centre,
         floor_z=box.minimum[2],
-        footprint=told.footprint or box.footprint,
-        floor_area=area if area or told.footprint else measure_area(box.footprint),
+        footprint=annotated.footprint or box.footprint,
+        floor_area=area if area or annotated.footprint else measure_area(box.footprint),
     )
 
 
-def _make_room(told: AnnotatedRoom, index: int, kind: str) -> Room:
-    label = told.label or label_of(kind, told.source_label)
-    room = Room(index, told.region, told.source_label, label=label, floor_index=told.floor_index)
-    return place_room(room, told)
+def _make_room(annotated: AnnotatedRoom, index: int, kind: str) -> Room:
+    label = annotated.label or label_of(kind, annotated.source_label)
+    room = Room(
+        index,
+        annotated.region,
+        annotated.source_label,
+        label=label,
+        floor_index=annotated.floor_index,
+    )
+    return place_room(room, annotated)
 
 
 def _number_objects(annotation: Annotation, rooms: Ints, class_map: ClassMap) -> Objects:
@@ -117,9 +125,11 @@ def _number_objects(annotation: Annotation, rooms: Ints, class_map: ClassMap) ->
         "instance_id": ids,
         "room_index": rooms,
         "raw_category": names.dictionary.take(names.indices),
-        "category": pa.array([one.category for one in known], pa.string()).take(names.indices),
-        "role": pa.array([one.role for one in known], pa.string()).take(names.indices),
-        "class_index": pa.array([one.class_index for one in known], pa.uint8()).take(names.indices),
+        "category": pa.array([entry.category for entry in known], pa.string()).take(names.indices),
+        "role": pa.array([entry.role for entry in known], pa.string()).take(names.indices),
+        "class_index": pa.array([entry.class_index for entry in known], pa.uint8()).take(
+            names.indices
+        ),
         "area": pa.nulls(count, pa.float64()),
         "colour": [None] * count if annotation.colours is None else annotation.colours,
         **_spread_places(annotation, count),
@@ -132,6 +142,6 @@ def _spread_places(annotation: Annotation, count: int) -> dict[str, Any]:
     """Return the columns of places."""
     nowhere = [None] * count
     boxes, parts = annotation.boxes or nowhere, annotation.parts or nowhere
-    told = zip(annotation.centroids or nowhere, boxes, strict=True)
-    centroids = [point or (box.centre if box else None) for point, box in told]
+    places = zip(annotation.centroids or nowhere, boxes, strict=True)
+    centroids = [point or (box.centre if box else None) for point, box in places]
     return {**spread_places(centroids, boxes), **spread_boxes("part", parts)}

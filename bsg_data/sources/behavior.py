@@ -123,7 +123,7 @@ class _BehaviorRooms:
         rooms: list[AnnotatedRoom] = []
         objects: list[tuple[int, str]] = []
         for number, listed in floors.items():
-            for name, content in sorted(listed.items(), key=lambda one: _split_room(one[0])):
+            for name, content in sorted(listed.items(), key=lambda room: _split_room(room[0])):
                 held = _list_objects(content, f"{self.path}: {ref.location}, {name}")
                 objects += ((len(rooms), category) for category in held)
                 word, _ = _split_room(name)
@@ -155,7 +155,9 @@ def _read_houses(path: Path, as_listed: bool) -> dict[str, _Floors]:
 def _join(floors: _Floors) -> dict[int, _RoomLists]:
     """Return the rooms of each floor, each as the first of its scenes has it."""
     return {
-        number: {name: one for rooms in reversed(scenes.values()) for name, one in rooms.items()}
+        number: {
+            name: content for rooms in reversed(scenes.values()) for name, content in rooms.items()
+        }
         for number, scenes in floors.items()
     }
 

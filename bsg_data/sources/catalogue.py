@@ -101,9 +101,9 @@ def _list_options(row: SourceRow) -> dict[str, Any]:
         signature = inspect.signature(row.open)
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     _, *options = signature.parameters.values()
-    kinds = {one.name: one.annotation for one in options if one.kind in named}
+    kinds = {option.name: option.annotation for option in options if option.kind in named}
     return {
-        name: next((one for one in _KINDS if one in (get_args(kind) or (kind,))), str)
+        name: next((known for known in _KINDS if known in (get_args(kind) or (kind,))), str)
         for name, kind in kinds.items()
     }
 

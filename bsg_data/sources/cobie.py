@@ -115,8 +115,8 @@ class _CobieSheets:
             sha256=hashlib.sha256(data).hexdigest(),
         )
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
-        said = (f"{number:,} {what}" for what, number in notes.items() if number)
-        left_out = tuple(SkippedScene(ref.scene_id, ref.location, reason) for reason in said)
+        reasons = (f"{number:,} {what}" for what, number in notes.items() if number)
+        left_out = tuple(SkippedScene(ref.scene_id, ref.location, reason) for reason in reasons)
         return Reading(graph, left_out=left_out)
 
 
@@ -133,13 +133,13 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
                 headers[title] = {column: _key(name) for column, name in row.items()}
                 continue
             header = headers[title]
-            said = {
+            cells = {
                 header[column]: text
                 for column, text in row.items()
                 if header.get(column) and not _is_silent(text)
             }
-            if said:
-                sheets[_key(title)].append(said)
+            if cells:
+                sheets[_key(title)].append(cells)
     except ValueError as error:
         raise SourceError(
             f"{path}: no readable spreadsheet ({error})", code="spreadsheet-malformed", where=path
@@ -194,14 +194,14 @@ def _list_rooms(
     for number, row in enumerate(spaces):
         label, common = _name_room(row)
         floor = levels.get(_key(row.get("floorname", "")))
-        said = [row[name] for name in ("netarea", "grossarea") if name in row]
-        areas = [value * (unit or math.nan) for text in said if (value := _number(text))]
+        given = [row[name] for name in ("netarea", "grossarea") if name in row]
+        areas = [value * (unit or math.nan) for text in given if (value := _number(text))]
         area = next(filter(is_floor_area, areas), None)
         if floor is None:
             notes["spaces are on a floor without an elevation: their level is not known"] += 1
-        if said and not unit:
+        if given and not unit:
             notes["spaces have an area in an unknown unit: it is left out"] += 1
-        elif said and area is None:
+        elif given and area is None:
             notes["spaces have an area that is no possible number: it is left out"] += 1
         elif area and not said_unit:
             notes["spaces have an area without a unit: it is read as m²"] += 1
@@ -223,8 +223,8 @@ def _name_room(space: _Row) -> tuple[str, str | None]:
     The tag is what the sign at the door says: mostly a number, and a name with it.
     """
     kind = _strip_code(space.get("category", ""))
-    said = (kind, *(space.get(column, "") for column in ("description", "name")))
-    words = [word for word in (*said, _strip_numbers(space.get("roomtag", ""))) if word]
+    texts = (kind, *(space.get(column, "") for column in ("description", "name")))
+    words = [word for word in (*texts, _strip_numbers(space.get("roomtag", ""))) if word]
     found = ((word, label_of("cobie", word)) for word in words)
     unknown = (word for word in words if not is_understood("cobie", word))  # not a number
     return next(((word, label) for word, label in found if label), (next(unknown, words[0]), None))
@@ -294,10 +294,10 @@ def _list_components(
     return objects, doors
 
 
-def _find_rooms(said: str, regions: Mapping[str, int], notes: Counter[str]) -> list[int]:
+def _find_rooms(listed: str, regions: Mapping[str, int], notes: Counter[str]) -> list[int]:
     """Return the rooms that a component lists, once each; commas or semicolons are between them."""
-    pieces = (piece for piece in re.split("[,;]", said) if not _is_silent(piece))
-    names = [said] if _key(said) in regions else list(pieces)
+    pieces = (piece for piece in re.split("[,;]", listed) if not _is_silent(piece))
+    names = [listed] if _key(listed) in regions else list(pieces)
     known = [(name, regions[_key(name)]) for name in names if _key(name) in regions]
     if not names:
         notes["components name no space: they belong to the building"] += 1
@@ -312,10 +312,10 @@ def _find_rooms(said: str, regions: Mapping[str, int], notes: Counter[str]) -> l
 def _name_type(row: _Row, class_map: ClassMap) -> str:
     """Return the first word for a type that the class map knows; else its description or name."""
     title = _strip_code(row.get("category", ""))
-    said = [row.get("description", ""), row.get("name", ""), title]
-    words = (word for text in said for word in (text, _find_noun(text)) if word)
+    texts = [row.get("description", ""), row.get("name", ""), title]
+    words = (word for text in texts for word in (text, _find_noun(text)) if word)
     known = (word for word in words if class_map.classify(word).category not in (None, UNKNOWN))
-    return next(known, said[0] or said[1])
+    return next(known, texts[0] or texts[1])
 
 
 def _find_noun(text: str) -> str:

@@ -109,7 +109,7 @@ class HM3DFolder:
             "the meshes"
         )
         listed, unreadable = list_files(self.path, (*_SUFFIXES, SYNTHETIC_MARK), expected=expected)
-        for mark in (one for one in listed if one.name == SYNTHETIC_MARK):
+        for mark in (file for file in listed if file.name == SYNTHETIC_MARK):
             if self.kind != "synthetic":
                 raise SourceError(
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
@@ -158,14 +158,14 @@ class HM3DFolder:
         building = path.name.removesuffix(suffix)
         parent = path.parent.resolve().name
         scene_id = parent if split_scene_id(parent)[1] == building else building
-        folders = (root, *relative.parts[:-1])
+        folders, mesh = (root, *relative.parts[:-1]), self._find_mesh(path)
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
             fingerprint=fingerprint(path),
             source_split=_last(map(_split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, (root, *_names_above(path), *folders[1:]))),
-            geometry=_state_of(self._find_mesh(path)),
+            geometry=None if mesh is None else fingerprint(mesh),
             building=split_scene_id(building)[1],
         )
 
@@ -174,10 +174,6 @@ def _is_synthetic(path: Path) -> bool:
     """Say whether a folder, or one of the two above it, has the mark of synthetic buildings."""
     above = (path, *resolve_links(path).parents[:2])
     return any((folder / SYNTHETIC_MARK).is_file() for folder in above)
-
-
-def _state_of(mesh: Path | None) -> str | None:
-    return None if mesh is None else fingerprint(mesh)
 
 
 def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str, ...]]:

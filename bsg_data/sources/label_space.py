@@ -104,9 +104,9 @@ def load_label_space(name: AnyPath) -> LabelSpace:
             if names.setdefault(label.label, label.name) != label.name:
                 raise ValueError(f"label {label.label} has two names")
     except ValueError as error:
-        said = name_fault(error) if isinstance(error, ValidationError) else error
+        fault = name_fault(error) if isinstance(error, ValidationError) else error
         raise SourceError(
-            f"{path}: {said}; expected Hydra's label_names, a list of {{label: 5, name: chair}}, "
+            f"{path}: {fault}; expected Hydra's label_names, a list of {{label: 5, name: chair}}, "
             "or a CSV with the columns label,name",
             code="label-space-malformed",
             where=path,
@@ -118,7 +118,7 @@ def load_label_space(name: AnyPath) -> LabelSpace:
 def _parse_csv(data: bytes) -> list[dict[str, Any]]:
     header, *rows = [row for _, row in parse_csv(data) if row] or [[]]
     pairs = (zip(header, row, strict=False) for row in rows)
-    return [{key: cell for key, cell in one if key and cell} for one in pairs]
+    return [{key: cell for key, cell in pair if key and cell} for pair in pairs]
 
 
 def name_object(node: DSGNode, space: LabelSpace | None) -> str:

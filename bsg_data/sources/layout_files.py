@@ -70,9 +70,9 @@ class _Size(ForeignRecord):
     z: _Length
 
 
-def _require_both(one: str, other: str, values: Mapping[str, Any]) -> None:
+def _require_both(first: str, second: str, values: Mapping[str, Any]) -> None:
     """Refuse half a box."""
-    given, absent = (one, other) if values[other] is None else (other, one)
+    given, absent = (first, second) if values[second] is None else (second, first)
     if values[given] is not None and values[absent] is None:
         raise ValueError(
             f"has half a box: {given} without {absent}; give both, or neither for a label alone"
@@ -124,17 +124,17 @@ class _Region(ForeignRecord):
     def describe(self, number: int) -> AnnotatedRoom:
         """Return the room; its box is as wide as its footprint."""
         label = None if self.label in ("", NO_LABEL) else self.label
-        told = AnnotatedRoom(region=number, source_label=label)
+        room = AnnotatedRoom(region=number, source_label=label)
         if self.min_bounds is None or self.max_bounds is None:
-            return told
+            return room
         ends = np.array([_upright(self.min_bounds), _upright(self.max_bounds)])
         if self.poly_loop is None:
-            return replace(told, box=Box.around(ends))
+            return replace(room, box=Box.around(ends))
         corners = [_upright(corner)[:2] for corner in self.poly_loop]
         footprint = surround(np.array(corners))
         box = Box.around(np.array([(x, y, z) for x, y in footprint for z in ends[:, 2]]))
         area = measure_area(corners) or measure_area(box.footprint)
-        return replace(told, box=box, footprint=footprint, floor_area=area)
+        return replace(room, box=box, footprint=footprint, floor_area=area)
 
 
 class _Regions(ForeignRecord):
@@ -152,8 +152,8 @@ def read_layout(path: Path) -> RoomLayout:
     try:
         return _read_regions(path) if path.name.endswith(CONFIG_SUFFIX) else _read_yaml(path)
     except ValueError as error:
-        said = name_fault(error) if isinstance(error, ValidationError) else error
-        raise LayoutError(f"{path}: {said}", code="layout-malformed", where=path) from error
+        fault = name_fault(error) if isinstance(error, ValidationError) else error
+        raise LayoutError(f"{path}: {fault}", code="layout-malformed", where=path) from error
 
 
 def _read_yaml(path: Path) -> RoomLayout:
@@ -162,9 +162,9 @@ def _read_yaml(path: Path) -> RoomLayout:
     rooms = {number: room.describe(number) for number, room in numbered}
     if parsed.connections is None:
         return RoomLayout(rooms, by_region=False)
-    for one, other in parsed.connections:
-        if one == other or not {one, other} <= set(rooms):
-            raise ValueError(f"connections: expected two of its rooms, found {one} and {other}")
+    for first, second in parsed.connections:
+        if first == second or not {first, second} <= set(rooms):
+            raise ValueError(f"connections: expected two of its rooms, found {first} and {second}")
     pairs = {(min(pair), max(pair)) for pair in parsed.connections}
     return RoomLayout(rooms, by_region=False, connections=tuple(sorted(pairs)))
 
@@ -187,8 +187,8 @@ def read_layout_table(path: Path) -> tuple[dict[str, RoomLayout], list[str]]:
     rooms: dict[str, dict[int, AnnotatedRoom]] = {}
     for (scene, region), (label, _) in sorted(labels.items()):
         if label:  # else nothing is known of the room
-            told = AnnotatedRoom(region=region, source_label=label)
-            rooms.setdefault(scene, {})[region] = told
+            room = AnnotatedRoom(region=region, source_label=label)
+            rooms.setdefault(scene, {})[region] = room
     return {scene: RoomLayout(held, by_region=True) for scene, held in rooms.items()}, unread
 
 

@@ -85,7 +85,6 @@ _PORTAL_FIELDS = 15  # with its label as the fifth; a panorama has 13, a region 
 _LONGEST_AXIS = 1.01  # of a unit vector that was rounded
 # What H counts, in its order, and the letter of the lines that it counts; E is named #segments.
 _COUNTED = ("I", "panorama", "V", "S", "E", "O", "C", "R", "portal", "L")
-_READ = frozenset({*"LRSVCO", "portal"})
 _REQUIRED = frozenset("OCRL")  # a file with other numbers of these is another house
 # What a file may lack, and what is done then.
 _FLOORS = "the floors of rooms are those of their boxes, without an area"
@@ -182,9 +181,9 @@ class _House:
             level = _refer(line, 2, "a level", self.levels)
             self.regions.append(_Region(level, line[5], _box(line, 9)))
         elif kind == "portal":
-            one, other = sorted(_refer(line, at, "a region", self.regions) for at in (2, 3))
-            if one != other and one != _NOWHERE:
-                self.portals.add((one, other))
+            first, second = sorted(_refer(line, at, "a region", self.regions) for at in (2, 3))
+            if first != second and first != _NOWHERE:
+                self.portals.add((first, second))
         elif kind == "S":
             region = _refer(line, 2, "a region", self.regions)
             self.surfaces.append([])
@@ -223,15 +222,15 @@ def _parse_house(data: bytes, *, path: Path) -> _House:
                 raise malformed(path, number, line, expected=expected) from error
     if house.counted["H"] != 1:
         raise malformed(path, header, found, expected="one header in all, a line of H")
-    told = (*(word[:SHOWN] for word in found.split()), *("" for _ in _COUNTED))
+    stated = (*(word[:SHOWN] for word in found.split()), *("" for _ in _COUNTED))
     for column, kind in enumerate(_COUNTED, start=3):
-        there = str(house.counted[kind])
-        if kind in _REQUIRED and told[column] != there:
-            expected = f"{there} lines of {kind} as field {column + 1} of H"
+        counted = str(house.counted[kind])
+        if kind in _REQUIRED and stated[column] != counted:
+            expected = f"{counted} lines of {kind} as field {column + 1} of H"
             raise malformed(path, header, found, expected=expected)
-        if kind in _OPTIONAL and told[column] != there:
-            said = f"H counts {told[column] or 'no'} {kind} lines, and {there} are there"
-            house.lacking.append(f"{said}: {_OPTIONAL[kind]}")
+        if kind in _OPTIONAL and stated[column] != counted:
+            fault = f"H counts {stated[column] or 'no'} {kind} lines, and {counted} are there"
+            house.lacking.append(f"{fault}: {_OPTIONAL[kind]}")
             if _OPTIONAL[kind] == _FLOORS:  # a polygon without some of its lines is another
                 for region in house.regions:
                     region.polygons.clear()
@@ -257,20 +256,20 @@ def _refer(line: Sequence[str], at: int, what: str, among: Sequence[object]) -> 
     return index
 
 
-def _points(line: Sequence[str], at: int, count: int, *, most: float = MAX_METRES) -> Floats:
+def _points(line: Sequence[str], at: int, count: int, *, bound: float = MAX_METRES) -> Floats:
     """Return points `[count, 3]` of some fields, metres."""
     try:
         found = np.array([float(word) for word in line[at : at + 3 * count]]).reshape(count, 3)
     except ValueError:
         found = np.array([math.nan])
-    if not (np.abs(found) <= most).all():  # nan is not
+    if not (np.abs(found) <= bound).all():  # nan is not
         raise ValueError(f"{3 * count} numbers of metres from field {at + 1} of {line[0]} on")
     return found
 
 
 def _box(line: Sequence[str], at: int) -> Box | None:
     """Return a box; None for an empty one, which is written inside out, perhaps by 1e20."""
-    low, high = _points(line, at, 2, most=math.inf)
+    low, high = _points(line, at, 2, bound=math.inf)
     if (low > high).all():
         return None
     if (low > high).any():
@@ -298,10 +297,10 @@ def _describe_rooms(house: _House) -> Iterator[AnnotatedRoom]:
 
     Levels count from 0 at the bottom. Where the file gives some room none, heights tell them.
     """
-    regions = {n: one for n, one in enumerate(house.regions) if one.label != _JUNK}
+    regions = {n: region for n, region in enumerate(house.regions) if region.label != _JUNK}
     known = sorted((z, level) for level, z in enumerate(house.levels) if z is not None)
     rank = {level: number for number, (_, level) in enumerate(known)}
-    is_levelled = all(one.level in rank for one in regions.values())
+    is_levelled = all(region.level in rank for region in regions.values())
     for region, held in regions.items():
         polygons = [polygon for polygon in held.polygons if len(polygon) > 2]
         area = sum(measure_area(polygon) or 0.0 for polygon in polygons) or None

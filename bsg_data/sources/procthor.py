@@ -143,7 +143,9 @@ class _ProcTHORHouses:
         """Read one house."""
         name, _, number = ref.location.rpartition(":")
         file = self.path / name if self.path.is_dir() else self.path
-        house = _parse(_fetch(file, int(number)), ref.location)
+        where = ref.location
+        document, expected = require_json(_fetch(file, int(number)), where), "a house of ProcTHOR"
+        house = validate(_House, document, where=where, expected=expected, code="house-malformed")
         things = [*_unpack(house.objects)]
         annotation = Annotation(
             _find_regions(things, house.rooms),
@@ -162,16 +164,12 @@ class _ProcTHORHouses:
         return sorted(file for file in self.path.iterdir() if file.name.endswith(_SUFFIXES))
 
     def _refer(self, file: Path, index: int, number: int, text: bytes) -> SceneRef:
-        digest = _digest(text)
+        digest = hashlib.sha256(text).hexdigest()
         name = f"{index:05d}-{digest[:12]}" if index < _NUMBERED else digest[:12]
         stem = file.name.split(".")[0]
         split = stem if stem in _SPLITS else None
         location, building = f"{file.name}:{number}", digest[:12]
         return SceneRef(name, location, digest, source_split=split, building=building)
-
-
-def _digest(text: bytes) -> str:
-    return hashlib.sha256(text).hexdigest()
 
 
 def _name_asset(asset: str) -> str:
@@ -201,9 +199,9 @@ def _stream(file: Path) -> _Houses:
     is_lines = ".jsonl" in file.name
     unit = "line" if is_lines else "house"
 
-    def refuse(said: str, **fault: Any) -> SourceError:
+    def refuse(reason: str, **fault: Any) -> SourceError:
         after = f", after {unit} {number}" if number else ""
-        return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **fault)
+        return SourceError(f"{file}{after}{reason.removeprefix(str(file))}", **fault)
 
     with open_stream(file, error=refuse) as opened:
         texts = opened if is_lines else _split(opened)
@@ -248,11 +246,6 @@ def _fetch(file: Path, number: int) -> bytes:
                 _open.pop(oldest, None)
             return text
     raise SourceError(f"{file.name}:{number}: is not there", code="house-missing", where=file)
-
-
-def _parse(text: bytes, where: str) -> _House:
-    document, expected = require_json(text, where), "a house of ProcTHOR"
-    return validate(_House, document, where=where, expected=expected, code="house-malformed")
 
 
 def _find_regions(things: Sequence[_Thing], rooms: Sequence[_Room]) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -65,9 +66,9 @@ def _lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     if layout.connections is None:
         return laid_out
     own = {index_of[number] for number in layout.rooms}
-    kept = tuple(edge for edge in graph.adjacency if not {edge.source, edge.target} <= own)
-    pairs = [(index_of[one], index_of[other]) for one, other in layout.connections]
-    return connect(replace(laid_out, adjacency=kept), pairs, method="layout")
+    others = tuple(edge for edge in graph.adjacency if not {edge.source, edge.target} <= own)
+    pairs = [(index_of[first], index_of[second]) for first, second in layout.connections]
+    return connect(replace(laid_out, adjacency=others), pairs, method="layout")
 
 
 def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
@@ -77,11 +78,11 @@ def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
     beyond = [number for number in layout.rooms if number not in index_of]
     if not beyond:
         return index_of
-    there, room = list_some([*map(str, sorted(index_of))], _SHOWN), min(beyond)
+    listed, room = list_some([*map(str, sorted(index_of))], _SHOWN), min(beyond)
     count = f"{len(graph.rooms)} rooms of {graph.scene_id}"
-    said = f"region {room} is no region id of the {count} ({there})"
+    fault = f"region {room} is no region id of the {count} ({listed})"
     raise LayoutError(
-        f"{said if by_region else f'room_{room} is not among the {count}'}; the layout "
+        f"{fault if by_region else f'room_{room} is not among the {count}'}; the layout "
         f"({len(layout.rooms)} rooms) is of another scene or another version",
         code="layout-foreign",
         where=graph.scene_id,
@@ -127,7 +128,11 @@ class WithLayouts(Wrapper):
                 where=self.layouts,
             )
         known = {name for ref in own.scenes for name in (ref.scene_id, ref.key)}
-        unused = (self._skip(*one, is_known=one[0] in known) for one in named if one not in used)
+        unused = (
+            self._skip(*layout, is_known=layout[0] in known)
+            for layout in named
+            if layout not in used
+        )
         return replace(own, scenes=scenes, unused=(*own.unused, *unread, *unused))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
@@ -158,7 +163,8 @@ class WithLayouts(Wrapper):
             layouts, unread = read_layout_table(path)
             return [(scene, path) for scene in layouts], [*skip_columns(path, unread)]
         files, left = list_files(path, SUFFIXES, expected=_EXPECTED)
-        return [(_name_scene(file), file) for file in files], [*left]
+        suffixes = "|".join(map(re.escape, SUFFIXES))
+        return [(re.sub(f"({suffixes})$", "", file.name), file) for file in files], [*left]
 
     @cached_property
     def _files(self) -> dict[str, Path]:
@@ -173,7 +179,9 @@ class WithLayouts(Wrapper):
 
     def _layout_of(self, ref: SceneRef) -> _Named | None:
         files = self._files
-        return next(((one, files[one]) for one in (ref.scene_id, ref.key) if one in files), None)
+        return next(
+            ((name, files[name]) for name in (ref.scene_id, ref.key) if name in files), None
+        )
 
     def _state_of(self, ref: SceneRef) -> str | None:
         named = self._layout_of(ref)
@@ -189,11 +197,6 @@ class WithLayouts(Wrapper):
 
 def _is_table(path: Path) -> bool:
     return path.name.casefold().endswith(text_table.SUFFIXES) and not path.is_dir()
-
-
-def _name_scene(path: Path) -> str:
-    suffix = next(suffix for suffix in SUFFIXES if path.name.endswith(suffix))
-    return path.name.removesuffix(suffix)
 
 
 def _read(name: str, path: Path) -> RoomLayout:

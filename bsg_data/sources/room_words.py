@@ -52,29 +52,29 @@ class WithRoomLabels(Wrapper):
         return self._reader.find_own(word) is not None or super().lists(word)
 
     def _label(self, room: Room) -> Room:
-        said = room.source_label or ""
-        is_listed = self._reader.find_own(said)
-        return replace(room, label=self._reader(said).label) if is_listed else room
+        word = room.source_label or ""
+        is_listed = self._reader.find_own(word)
+        return replace(room, label=self._reader(word).label) if is_listed else room
 
 
-def read_room_words(said: RoomWords) -> tuple[tuple[str, str | None], ...]:
+def read_room_words(source: RoomWords) -> tuple[tuple[str, str | None], ...]:
     """Read a table `source_label,label`: words, each with its label; None if it names no kind.
 
     Args:
-        said: path of the table, or what it holds.
+        source: path of the table, or what it holds.
 
     Raises:
         SourceError: if the file is no such table, or a label is none of ours.
     """
-    if isinstance(said, Mapping):
-        for one in (*said, *said.values()):
-            if not isinstance(one, str | None):
+    if isinstance(source, Mapping):
+        for text in (*source, *source.values()):
+            if not isinstance(text, str | None):
                 raise RecipeError(
-                    f"room_labels: expected words with their labels, found {show_value(one)}",
+                    f"room_labels: expected words with their labels, found {show_value(text)}",
                     code="room-label-unknown",
                 )
-        return tuple((word, check_own_label(word, label)) for word, label in said.items())
-    labels, _ = read_labels(Path(said), {"source_label": (), "label": ()}, _read_key)
+        return tuple((word, check_own_label(word, label)) for word, label in source.items())
+    labels, _ = read_labels(Path(source), {"source_label": (), "label": ()}, _read_key)
     words = []
     for word, (label, where) in labels.items():
         try:

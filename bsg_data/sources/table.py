@@ -82,9 +82,9 @@ class _ObjectTable:
         if not any((licence, homepage, citation, self.licence_url)):
             return None
         if licence is None or homepage is None or citation is None:
-            said = "give licence, homepage and citation, or no terms if the licence is unknown"
+            fault = "give licence, homepage and citation, or no terms if the licence is unknown"
         elif self.licence_url is None and licence.startswith(LICENCE_REF):
-            said = f"licence {licence}: give licence_url, too: SPDX has no page of it"
+            fault = f"licence {licence}: give licence_url, too: SPDX has no page of it"
         else:
             return Terms(
                 licence=licence,
@@ -93,7 +93,7 @@ class _ObjectTable:
                 citation=citation,
                 sentence=f"The data are under the licence {licence}, as {homepage} says.",
             )
-        message = f"the terms of {self.path}: {said}"
+        message = f"the terms of {self.path}: {fault}"
         raise SourceError(message, code="terms-missing", where=self.path)
 
     def find(self) -> FoundScenes:
@@ -152,25 +152,25 @@ def _describe_rooms(
         if row.room and row.place:
             ends = (row.box.minimum, row.box.maximum) if row.box else ()
             points[row.room] += [row.place, *ends]
-    levels = sorted({said["floor"] for said in facts.values() if said.get("floor") is not None})
-    for name, said in facts.items():
+    levels = sorted({known["floor"] for known in facts.values() if known.get("floor") is not None})
+    for name, known in facts.items():
         around = Box.around(np.array(points[name])) if points[name] else None
         is_boxed = name in boxed  # else its objects are points, and it has a middle alone
-        floor = said.get("floor")
+        floor = known.get("floor")
         yield AnnotatedRoom(
             region=regions[name],
-            source_label=said.get("room_label") or (None if _NUMBER.fullmatch(name) else name),
+            source_label=known.get("room_label") or (None if _NUMBER.fullmatch(name) else name),
             box=around if is_boxed else None,
             centroid=around.centre if around else None,
-            floor_area=said.get("floor_area"),
+            floor_area=known.get("floor_area"),
             floor_index=None if floor is None else levels.index(floor),
         )
 
 
 def _digest(scene: Scene) -> str:
     """Hash what the rows of a scene say, in whatever order they stand; n objects are n rows."""
-    said = sorted((repr(row.key), row.times) for row in scene[0])
-    lines = "\n".join(chain.from_iterable(repeat(line, times) for line, times in said))
+    counts = sorted((repr(row.key), row.times) for row in scene[0])
+    lines = "\n".join(chain.from_iterable(repeat(line, times) for line, times in counts))
     return hashlib.sha256(lines.encode("utf-8", "surrogatepass")).hexdigest()
 
 

@@ -186,8 +186,8 @@ def _read_parquet(path: Path, named: Mapping[str, str]) -> _Cells:
         columns = _find_columns(path, header := [name.strip() for name in names], named)
         for field, at in columns.items():
             if pa.types.is_nested(file.schema_arrow.field(at).type):
-                said = "expected text, found lists; put ; between names"
-                message = f"{path}, column {names[at]}: {said}"
+                fault = "expected text, found lists; put ; between names"
+                message = f"{path}, column {names[at]}: {fault}"
                 raise SourceError(message, code="table-lists", where=path)
             column = file.read([names[at]]).column(0).combine_chunks().dictionary_encode()
             words[field] = [*column.dictionary.to_pylist(), None]
@@ -205,11 +205,6 @@ def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -
     groups = [group for group in (_CENTROID, _BOX) if set(group) & set(found)]
     required = tuple(dict.fromkeys((*named, *_REQUIRED, *chain.from_iterable(groups))))
     return find_columns(path, header, wanted, required=required, rename=rename)
-
-
-def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]:
-    read = set(columns.values())
-    return [name for number, name in enumerate(header) if number not in read]
 
 
 def _list_rows(cells: _Cells) -> Iterator[tuple[str, Row]]:
@@ -248,19 +243,19 @@ def _write_whole_numbers(columns: dict[str, list[Any]], field: str, lists: str =
             columns[lists] = [names and tuple(map(whole.get, names)) for names in listed]
 
 
-def _find_faults(said: Mapping[str, Any]) -> Iterator[str]:
+def _find_faults(cells: Mapping[str, Any]) -> Iterator[str]:
     """Yield how the cells of a row do not fit together."""
-    room, category, count = said["room"], said["category"], said["count"]
-    if said["scene"] is None:
+    room, category, count = cells["room"], cells["category"], cells["count"]
+    if cells["scene"] is None:
         yield "scene: expected the name of a building, found none"
     if room is None and category is None:
         yield "category: expected an object, or a room in the column room"
-    if room is None and any(said[name] is not None for name in (*_FACTS, "connected")):
+    if room is None and any(cells[name] is not None for name in (*_FACTS, "connected")):
         yield "room: expected the room that the row describes, found none"
     if count and category is None:
         yield f"count: expected none without a category, found {count}"
     for group in (_CENTROID, _BOX):
-        absent = [name for name in group if said[name] is None]
+        absent = [name for name in group if cells[name] is None]
         if len(absent) == len(group):
             continue
         if absent:
@@ -269,8 +264,8 @@ def _find_faults(said: Mapping[str, Any]) -> Iterator[str]:
             yield f"category: expected the object that is at {group[0]}"
         if count not in (None, 1):
             yield f"count: expected 1, as the object has a place; found {count}"
-    for axis in _CENTROID if said["box_min_x"] is not None else ():
-        value, low, high = (said[name] for name in (axis, f"box_min_{axis}", f"box_max_{axis}"))
+    for axis in _CENTROID if cells["box_min_x"] is not None else ():
+        value, low, high = (cells[name] for name in (axis, f"box_min_{axis}", f"box_max_{axis}"))
         if low > high:
             yield f"box_max_{axis}: expected {low} or more, found {high}"
         if value is not None and not low - _SLACK <= value <= high + _SLACK:
@@ -286,10 +281,10 @@ def _read_column(cells: _Cells, field: str) -> list[Any]:
     try:
         checked = _COLUMNS[field].validate_python(words)
     except ValidationError as error:
-        at, _, said = name_fault(error).partition(": ")
+        at, _, fault = name_fault(error).partition(": ")
         code, *inner = at.split(".")
         where = cells.where(codes.index(int(code)))
-        message = f"{where}, column {'.'.join((field, *inner))}: {said}"
+        message = f"{where}, column {'.'.join((field, *inner))}: {fault}"
         raise SourceError(message, code="row-malformed", where=where) from error
     return [checked[code] for code in codes]
 
@@ -297,7 +292,10 @@ def _read_column(cells: _Cells, field: str) -> list[Any]:
 def _clean(cells: Sequence[Any]) -> list[Any]:
     """Return what cells say; None if nothing. All kinds of files come through here."""
     texts = (cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in cells)
-    words = (_compose(cell) if isinstance(cell, str) else cell for cell in texts)
+    words = [
+        unicodedata.normalize("NFC", cell.strip()) if isinstance(cell, str) else cell
+        for cell in texts
+    ]
     return [None if word in _MISSING or word != word else word for word in words]
 
 
@@ -305,16 +303,16 @@ def _split(names: str) -> list[str] | None:
     return sorted(name for name in _clean(names.split(";")) if name is not None) or None
 
 
-def _compose(text: str) -> str:
-    return unicodedata.normalize("NFC", text.strip())
-
-
 def _hint_unread(cells: _Cells) -> list[str]:
     """Return the columns that are not read, the first ones each with the field it may be."""
-    unread = _list_unread(cells.header, cells.columns)
+    read = set(cells.columns.values())
+    unread = [name for number, name in enumerate(cells.header) if number not in read]
     free = [field for field in _OPTIONAL if field not in cells.columns]
     hints = [ask_if_meant(column, free) for column in unread[:_SHOWN]]
-    asked = [f"{one} ({hint})" if hint else one for one, hint in zip(unread, hints, strict=False)]
+    asked = [
+        f"{column} ({hint})" if hint else column
+        for column, hint in zip(unread, hints, strict=False)
+    ]
     return asked + unread[_SHOWN:]
 
 
@@ -336,10 +334,10 @@ def _take_facts(row: Row, facts: Facts) -> Iterator[tuple[str, str]]:
             continue
         known = facts[row.room].setdefault(name, value)
         if value != known:
-            said = f"expected {known!r} for room {row.room!r}, as an earlier one says"
-            yield "rows-disagree", f"{name}: {said}; found {value!r}"
+            fault = f"expected {known!r} for room {row.room!r}, as an earlier one says"
+            yield "rows-disagree", f"{name}: {fault}; found {value!r}"
     for other in row.connected:
         if other not in facts or other == row.room:
-            said = f"expected names of other rooms with ; between them; found {other!r}"
+            fault = f"expected names of other rooms with ; between them; found {other!r}"
             hint = "A room without objects is a row without a category"
-            yield "room-unknown", f"connected: {said}. {hint}"
+            yield "room-unknown", f"connected: {fault}. {hint}"

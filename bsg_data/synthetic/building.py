@@ -95,10 +95,10 @@ def name_building(seed: int, number: int) -> tuple[str, str, str]:
 
 def _draw_kinds(table: _RoomTable, rng: np.random.Generator) -> list[int]:
     """Sample the kinds of the rooms of a building, 14 on average."""
-    least, most = _ROOMS
-    total = min(least + int(rng.negative_binomial(5, 1 / 3)), most)
+    fewest, upper_bound = _ROOMS
+    total = min(fewest + int(rng.negative_binomial(5, 1 / 3)), upper_bound)
     kinds = [table.kinds.index(kind) for kind in _IN_EVERY_HOME]
-    more = rng.choice(len(table.kinds), total - least, p=table.rooms / table.rooms.sum())
+    more = rng.choice(len(table.kinds), total - fewest, p=table.rooms / table.rooms.sum())
     return [int(kind) for kind in rng.permutation([*kinds, *more])]
 
 

@@ -58,7 +58,7 @@ def _write_one(folder: Path, *, seed: int, number: int) -> str:
     building = synthesise(seed=seed, number=number)
     layout = draw_layout(building, seed=seed, number=number)
     write_bytes(folder / _LAYOUTS / f"{building.scene_id}.yaml", layout.encode())
-    rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
+    rows = [f'{row.instance_id},{row.colour},"{row.name}",{row.region_id}' for row in building.rows]
     name = f"{building.split}/{building.scene_id}/{building.hash}.semantic.txt"
     write_bytes(folder / name, "\n".join([HEADER, *rows, ""]).encode())
     return name

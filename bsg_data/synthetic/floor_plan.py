@@ -21,10 +21,10 @@ from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.building import SyntheticBuilding
 
-WALL = 0.12  # between the rooms on its two sides
+_WALL = 0.12  # between the rooms on its two sides
 _HEIGHT = 2.6  # from a floor to the ceiling above it
-STOREY = 2.9  # from a floor to the next
-DOORWAY = 0.9
+_STOREY = 2.9  # from a floor to the next
+_DOORWAY = 0.9
 _HALL = 1.5
 _TO_NEIGHBOUR = 0.12  # probability of a doorway beside that to the hall
 _GRID = 0.1  # every wall lies on it, and therefore on whole texels of every size
@@ -54,41 +54,22 @@ class _Rectangle:
 
 
 @dataclass(frozen=True, slots=True)
-class _Doorway:
-    """An opening in the wall of two rooms."""
-
-    rooms: tuple[int, int]  # indices of the two in the plan
-    axis: int  # the axis that the wall runs along, 0 or 1
-    span: tuple[float, float]  # where the opening starts and ends on that axis
-
-
-@dataclass(frozen=True, slots=True)
-class _Stairs:
-    """Stairs from one storey to the next."""
-
-    rooms: tuple[int, int]  # indices in the plan of the lower and the upper room
-    rectangle: _Rectangle  # what they cover, inside both rooms
-
-
-@dataclass(frozen=True, slots=True)
 class FloorPlan:
     """The plan of a building."""
 
     rooms: tuple[_Rectangle, ...]  # the inner rectangle of every room
     storeys: tuple[int, ...]  # the storey of every room, from 0
-    doorways: tuple[_Doorway, ...]  # within storeys
-    stairs: tuple[_Stairs, ...]  # between storeys
+    doorways: tuple[tuple[int, int], ...]  # pairs of rooms that one joins, within storeys
+    stairs: tuple[tuple[int, int], ...]  # pairs of rooms that stairs join, between storeys
 
     def box(self, room: int) -> Box:
         """Return the box of a room, from its floor to its ceiling."""
-        rectangle, floor = self.rooms[room], self.storeys[room] * STOREY
+        rectangle, floor = self.rooms[room], self.storeys[room] * _STOREY
         return Box((*rectangle.low, floor), (*rectangle.high, floor + _HEIGHT))
 
-    def connections(self) -> list[tuple[int, int, str]]:
-        """Return (room, room, `door` or `stairs`), sorted."""
-        doors = [(min(door.rooms), max(door.rooms), "door") for door in self.doorways]
-        stairs = [(min(flight.rooms), max(flight.rooms), "stairs") for flight in self.stairs]
-        return sorted([*doors, *stairs])
+    def connections(self) -> list[tuple[int, int]]:
+        """Return the pairs of rooms that doorways and stairs join, each ascending; sorted."""
+        return sorted((min(pair), max(pair)) for pair in (*self.doorways, *self.stairs))
 
 
 def draw_floor_plan(
@@ -119,13 +100,15 @@ def draw_floor_plan(
     outer: dict[int, _Rectangle] = {}
     for group in groups:
         outer.update(zip(group, _divide(*whole, len(group), rng), strict=True))
-    inner = tuple(outer[room].shrink(WALL / 2) for room in range(rooms))
+    inner = tuple(outer[room].shrink(_WALL / 2) for room in range(rooms))
     storey_of = {room: level for level, group in enumerate(groups) for room in group}
     return FloorPlan(
         rooms=inner,
         storeys=tuple(storey_of[room] for room in range(rooms)),
         doorways=tuple(door for group in groups for door in _draw_doorways(group, outer, rng)),
-        stairs=tuple(_draw_stairs(low, high, inner, with_stairs) for low, high in pairwise(groups)),
+        stairs=tuple(
+            _choose_stairs(low, high, inner, with_stairs) for low, high in pairwise(groups)
+        ),
     )
 
 
@@ -158,34 +141,27 @@ def _cut_row(
 
 def _draw_doorways(
     group: list[int], outer: dict[int, _Rectangle], rng: np.random.Generator
-) -> Iterator[_Doorway]:
+) -> Iterator[tuple[int, int]]:
     """Join every room of a storey to the hall, or to the next; and a few to their neighbours."""
     hall = group[0] if len(group) >= 4 else None
     for a, b in combinations(group, 2):
-        shared = outer[a].meet(outer[b])
-        axis = int(np.argmax(shared.sides()))
-        spare = shared.sides()[axis] - WALL - DOORWAY
-        meet = min(shared.sides()) > -1e-9 and spare > 0
+        sides = outer[a].meet(outer[b]).sides()
+        meet = min(sides) > -1e-9 and max(sides) - _WALL - _DOORWAY > 0
         if meet and (hall is None or hall in (a, b) or rng.random() < _TO_NEIGHBOUR):
-            start = shared.low[axis] + WALL / 2 + _snap(rng.uniform(0, max(spare - 0.05, 0)))
-            yield _Doorway((a, b), axis, (start, start + DOORWAY))
+            rng.random()  # where in the wall it is, which nobody asks; the numbers after it stay
+            yield a, b
 
 
-def _draw_stairs(
+def _choose_stairs(
     low: list[int], high: list[int], inner: tuple[_Rectangle, ...], wanted: Collection[int]
-) -> _Stairs:
-    """Put stairs where the rooms of two storeys lie above each other, where they are listed."""
+) -> tuple[int, int]:
+    """Choose rooms of two storeys that lie above each other, where stairs are listed."""
 
     def merit(pair: tuple[int, int]) -> tuple[bool, bool, float]:
         least = min(inner[pair[0]].meet(inner[pair[1]]).sides())
         return least >= 1.0, pair[0] in wanted or pair[1] in wanted, least
 
-    a, b = max(((a, b) for a in low for b in high), key=merit)
-    shared = inner[a].meet(inner[b])
-    across, along = shared.sides()
-    x, y = shared.low
-    size = (min(3.0, across), 0.9) if across >= along else (0.9, min(3.0, along))
-    return _Stairs((a, b), _Rectangle((x, y), (x + size[0], y + size[1])))
+    return max(((a, b) for a in low for b in high), key=merit)
 
 
 def draw_layout(building: SyntheticBuilding, *, seed: int, number: int) -> str:
@@ -203,7 +179,7 @@ def draw_layout(building: SyntheticBuilding, *, seed: int, number: int) -> str:
     lines = ["rooms:"]
     for room, kind in enumerate(building.rooms):
         lines += [f"  room_{room + 1}:", f"    label: {kind}", *_write_box(plan.box(room))]
-    pairs = [f"- [{a + 1}, {b + 1}]" for a, b, _ in plan.connections()]
+    pairs = [f"- [{a + 1}, {b + 1}]" for a, b in plan.connections()]
     return "\n".join([*lines, "connections:" if pairs else "connections: []", *pairs, ""])
 
 

@@ -81,7 +81,7 @@ def _mask(
         [unclassified],
         views,
         streams,
-        there=cells,
+        present=cells,
         hidden=hidden,
         classes=class_space.classes,
     )

@@ -98,7 +98,7 @@ class ModelBeliefs:
             [unclassified] * many,
             views,
             streams,
-            there=there,
+            present=there,
             hidden=hidden,
             classes=classes,
         )

@@ -56,8 +56,8 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
         print_text("pairs: none yet (bsg-data pairs)")
     else:
         print_text(f"pairs: {recipe.draws} draws of {recipe.mask}\n{format_hashes(hashes)}")
-    most = max(1, *(row["instances"] for row in classes))
-    rows = [(*row.values(), _bar(row["instances"] / most)) for row in classes]
+    largest = max(1, *(row["instances"] for row in classes))
+    rows = [(*row.values(), _bar(row["instances"] / largest)) for row in classes]
     print_text("\n" + format_text(rows, header=("class", "instances", "rooms", "buildings", "")))
     if figure is not None:
         print_note(f"figure in {figure}")
@@ -83,8 +83,8 @@ def check(dataset: Path, as_json: bool) -> None:
     if as_json:
         print_json({"sound": not faults, "faults": list(map(asdict, faults))})
     else:
-        said = "\n".join(f"{fault.where}: {fault.what}" for fault in faults)
-        print_text(said or f"{dataset}: sound")
+        lines = "\n".join(f"{fault.where}: {fault.what}" for fault in faults)
+        print_text(lines or f"{dataset}: sound")
     if faults:
         print_note(
             f"faults: {len(faults)}; repair: run an interrupted command again, copy a damaged file "

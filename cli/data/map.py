@@ -53,8 +53,12 @@ def _map_list() -> None:
 def _find_elsewhere(category: str) -> dict[str, str]:
     """Return map → class of a name, for the published maps that have a class for it."""
     maps = [bsg_data.load_class_map(version) for version in extend.published_maps()]
-    found = [(one, one.classify(category).class_index) for one in maps]
-    return {one.version: one.classes[index] for one, index in found if index is not None}
+    found = [(class_map, class_map.classify(category).class_index) for class_map in maps]
+    return {
+        class_map.version: class_map.classes[index]
+        for class_map, index in found
+        if index is not None
+    }
 
 
 def _describe(answer: Mapping[str, Any], version: str, index: int | None) -> Iterator[str]:
@@ -156,8 +160,11 @@ def _format_coverage(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     columns = list(found.values())
     numbers = [name for name, value in columns[0].items() if not isinstance(value, dict)]
     shares = [name for name in numbers if name.startswith("share")]
-    rows = [(n, *(f"{one[n]:.1%}" if n in shares else one[n] for one in columns)) for n in numbers]
+    rows = [
+        (n, *(f"{column[n]:.1%}" if n in shares else column[n] for column in columns))
+        for n in numbers
+    ]
     yield format_text(rows, header=("", *found), numeric=tuple(found))
-    for name, one in found.items():
-        if most := list(one["most_left_out"].items()):
-            yield format_text(most, header=(f"most left out by {name}", "instances"))
+    for name, column in found.items():
+        if names := list(column["most_left_out"].items()):
+            yield format_text(names, header=(f"most left out by {name}", "instances"))

@@ -75,25 +75,33 @@ def format_losses(manifest: extend.Manifest) -> str:
     ]
     if manifest.meshes:
         lines.append(_mesh_line(list(manifest.meshes.values())))
-        told = {*manifest.meshes, *(one.scene_id for one in manifest.left_out)}
-        if bare := max(manifest.totals.scenes - len(told), 0):
+        named = {*manifest.meshes, *(skip.scene_id for skip in manifest.left_out)}
+        if bare := max(manifest.totals.scenes - len(named), 0):
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
-    notes = [one for one in manifest.left_out if one.scene_id == "all"]  # of the source as a whole
-    lines += [f"note: {one.location}: {one.reason}" for one in notes[:_SHOWN]]
-    left = [one for one in manifest.left_out if one.scene_id != "all"]
+    notes = [
+        skip for skip in manifest.left_out if skip.scene_id == "all"
+    ]  # of the source as a whole
+    lines += [f"note: {skip.location}: {skip.reason}" for skip in notes[:_SHOWN]]
+    left = [skip for skip in manifest.left_out if skip.scene_id != "all"]
     tables: dict[tuple[str, ...], list[tuple[object, ...]]] = {
         ("skipped scene", "location", "reason"): [*map(astuple, manifest.skipped)],
         ("left out", "location", "reason"): [*map(astuple, left)],
         ("unmapped name", "instances", "nearest"): [
-            (_cut(one.name), one.instances, ", ".join(map(_cut, one.nearest)))
-            for one in manifest.unmapped
+            (_cut(entry.name), entry.instances, ", ".join(map(_cut, entry.nearest)))
+            for entry in manifest.unmapped
         ],
         ("kind of room not known", "rooms"): [
-            (_cut(one.name), f"{one.instances:,}") for one in manifest.unknown_labels
+            (_cut(entry.name), f"{entry.instances:,}") for entry in manifest.unknown_labels
         ],
         ("name resolved by rule", "instances", "rule", "category", "class"): [
-            (_cut(one.name), one.instances, one.rule, _cut(one.category), one.class_name or "none")
-            for one in manifest.resolved
+            (
+                _cut(entry.name),
+                entry.instances,
+                entry.rule,
+                _cut(entry.category),
+                entry.class_name or "none",
+            )
+            for entry in manifest.resolved
         ],
     }
     for header, rows in tables.items():

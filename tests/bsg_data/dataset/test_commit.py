@@ -13,7 +13,7 @@ from refusals import refuses
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import read_splits
-from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.schema import SPLITS
 from bsg_data.dataset.shards import write_parquet
 from bsg_data.dataset.splits import split_dataset
@@ -21,8 +21,6 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
-
-FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:
@@ -33,21 +31,13 @@ def all_bytes(folder: Path) -> dict[str, bytes]:
     }
 
 
-def split_anew(dataset: Path) -> Manifest:
-    return split_dataset(dataset, FOLDS, force=True)
-
-
-def pair_anew(dataset: Path) -> Manifest:
-    return write_pairs(dataset, PairsRecipe(draws=2), force=True)
-
-
 def test_files_of_the_users_stay(dataset: Path) -> None:
     """They are told, and stop what would remove them."""
     mine = ("notes.txt", "pairs/mine.parquet", "rooms/part-99999.parquet")
     for name in mine:
         (dataset / name).parent.mkdir(exist_ok=True)
         (dataset / name).write_text("mine")
-    split_anew(dataset)
+    split_dataset(dataset, SplitRecipe(seed=1), force=True)
     write_pairs(dataset, PairsRecipe(draws=1))
     assert {fault.where for fault in check_dataset(dataset)} == {*mine}
     with refuses(DatasetError, "foreign-file", dataset):

@@ -52,7 +52,7 @@ def hide(recipe: MaskRecipe, draw: int) -> tuple[View, Counts, Counts]:
         [UNCLASSIFIED],
         [view],
         MaskStreams([recipe], ["s"], [draw]),
-        there=CURTAINS,
+        present=CURTAINS,
         hidden=hidden,
         classes=("curtain", "bed"),
     )
