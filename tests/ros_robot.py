@@ -20,24 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-SAID = (
-    "discovered",
-    "entered",
-    "saw",
-    "searched",
-    "looked",
-    "gone",
-    "describe",
-    "more_rooms",
-    "passes",
-    "keeps",
-    "never",
-    "forget",
-    "where",
-    "next_place",
-    "expected",
-    "habits",
-)
+from bsg_robot.ros.requests import TOPICS
 
 
 def tell(topic: str, content: Any) -> None:
@@ -55,7 +38,7 @@ def main() -> None:
     node = rclpy.create_node("robot", namespace=sys.argv[1])
     queue = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    said = {name: node.create_publisher(String, f"belief/{name}", queue) for name in SAID}
+    said = {name: node.create_publisher(String, f"belief/{name}", queue) for name in TOPICS}
     node.create_subscription(
         String, "belief/answers", lambda m: tell("answers", json.loads(m.data)), queue
     )

@@ -157,7 +157,7 @@ def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> N
         for thread in both:
             thread.join()
 
-    ask_twice(300, 1_000)  # until the 65,536 words that each of two processes keeps are full
+    ask_twice(160, 1_000)  # until the 65,536 words that each of two processes keeps are full
     before = measure()
     ask_twice(20_000 if stride == 1 else 500, 8)
     assert measure() - before < 20_000_000, (before, measure())

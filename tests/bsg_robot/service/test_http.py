@@ -94,7 +94,11 @@ PLACE = {"map": SIMPLE, "thing": "sink", "here": "hall"}
         (FIND | {"heer": "hall"}, "question-malformed", "heer: "),
         (FIND | {"look": -1}, "question-malformed", "look"),
         (FIND | {"chance": 1.5}, "question-malformed", "chance: "),
-        (FIND | {"map": [SIMPLE]}, "question-malformed", "map: "),
+        (FIND | {"map": "[]"}, "question-malformed", "map: expected a JSON object such as {"),
+        (FIND | {"map": '{"a": [], "a": []}'}, "question-malformed", "map: expected a value, or"),
+        (FIND | {"look": "much"}, "question-malformed", "look: expected a value, or the text of"),
+        (FIND | {"things": '["cup"'}, "question-malformed", "things: "),
+        (FIND | {"things": " , "}, "thing-unknown", ""),
         (PLACE | {"here": ""}, "question-malformed", "here: "),
         (PLACE | {"at": "fridge"}, "piece-unknown", "'fridge': expected the id of an object of"),
         (PLACE | {"chance": 0}, "chance-zero", "chance: expected above 0"),
@@ -154,14 +158,35 @@ def test_what_nobody_foresaw_is_answered_as_json() -> None:
     assert ask_app(make_app(fail), "/nothing") == (404, "path-unknown")
 
 
-def test_what_an_agent_fills_in_with_nothing_is_left_out(address: str) -> None:
-    plain = ask(address, map=SIMPLE, things="cup", here="hall").json()
-    blank = {"robots": {}, "look": "", "chance": None, "task": "", "labels": None}
-    assert ask(address, map=SIMPLE, things="cup", here="hall", **blank).json() == plain
-    nowhere = ask(address, map=SIMPLE, things="cup", here="").json()
-    assert nowhere == ask(address, map=SIMPLE, things="cup").json()
-    room = ask(address, "/expect", map=SIMPLE, room="", most=None).json()
-    assert room == ask(address, "/expect", map=SIMPLE).json()
+BLANK = {"robots": {}, "look": "", "chance": None, "task": "", "labels": None}
+BUDGET = FIND | {"here": "hall", "budget": 9, "speed": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("text", "question"),
+    [
+        (FIND | BLANK | {"here": ""}, FIND),
+        (FIND | {"map": json.dumps(SIMPLE)}, FIND),
+        (FIND | {"look": "5"}, FIND | {"look": 5}),
+        (FIND | {"look": '{"hall": 2}'}, FIND | {"look": {"hall": 2}}),
+        (FIND | {"chance": "0.5"}, FIND | {"chance": 0.5}),
+        (BUDGET | {"budget": "9", "speed": "0.5"}, BUDGET),
+        (FIND | {"costs": json.dumps(COSTS)}, FIND | {"costs": COSTS}),
+        (FIND | {"robots": '{"a": "hall"}'}, FIND | {"robots": {"a": "hall"}}),
+        (FIND | {"things": '["cup", "towel"]'}, FIND | {"things": ["cup", "towel"]}),
+        (FIND | {"things": "cup, towel"}, FIND | {"things": ["cup", "towel"]}),
+        (
+            FIND | {"things": "mug (red, old), [towel]"},
+            FIND | {"things": ["mug (red, old)", "[towel]"]},
+        ),
+    ],
+)
+def test_what_an_agent_writes_as_text_or_leaves_blank_is_read(
+    address: str, text: dict[str, Any], question: dict[str, Any]
+) -> None:
+    answer = ask(address, **text)
+    assert answer.status_code == 200, answer.text
+    assert answer.json() == ask(address, **question).json()
 
 
 @pytest.mark.parametrize("path", ["/find", "/mcp", "/openapi.json"])
