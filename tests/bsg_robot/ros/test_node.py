@@ -22,6 +22,7 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_models.runs.found_model import TERMS
+from bsg_robot.ros.requests import TOPICS
 
 pytest.importorskip("rclpy", reason="needs ROS 2: the extra ros, or a ROS 2 whose setup is sourced")
 HOME, EXAMPLES = REPOSITORY / "docs" / "home.json", REPOSITORY / "docs" / "examples"
@@ -106,7 +107,8 @@ def start_node(start: Start, space: str, **parameters: object) -> subprocess.Pop
 
 
 def start_robot(start: Start, space: str) -> Robot:
-    return Robot(start(sys.executable, str(REPOSITORY / "tests" / "ros_robot.py"), space))
+    robot = str(REPOSITORY / "tests" / "ros_robot.py")
+    return Robot(start(sys.executable, robot, space, *TOPICS))
 
 
 def end(process: subprocess.Popen[str], number: signal.Signals) -> int:
@@ -307,7 +309,6 @@ def test_the_recorded_session_can_be_played(start: Start, space: str) -> None:
 
 def test_the_page_has_all_topics_and_parameters() -> None:
     from bsg_robot.ros.node import PARAMETERS
-    from bsg_robot.ros.requests import TOPICS
 
     page = (REPOSITORY / "docs" / "robot-software.md").read_text("utf-8")
     rows = re.findall(r"^\| `([\w~/]+)` \| (\S+)", page, re.MULTILINE)
