@@ -36,7 +36,9 @@ def main() -> None:
     node = rclpy.create_node("robot", namespace=sys.argv[1])
     queue = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    said = {name: node.create_publisher(String, f"belief/{name}", queue) for name in sys.argv[2:]}
+    publishers = {
+        name: node.create_publisher(String, f"belief/{name}", queue) for name in sys.argv[2:]
+    }
     node.create_subscription(
         String, "belief/answers", lambda m: tell("answers", json.loads(m.data)), queue
     )
@@ -48,7 +50,7 @@ def main() -> None:
 
     def obey() -> None:
         while not (
-            all(topic.get_subscription_count() for topic in said.values())
+            all(publisher.get_subscription_count() for publisher in publishers.values())
             and node.count_publishers(f"{sys.argv[1]}/belief/answers")
             and reset.service_is_ready()
         ):
@@ -60,7 +62,7 @@ def main() -> None:
                 done = reset.call_async(Trigger.Request())
                 done.add_done_callback(lambda d: tell("reset", d.result().message))
             else:
-                said[topic].publish(String(data=text))
+                publishers[topic].publish(String(data=text))
 
     threading.Thread(target=obey, daemon=True).start()
     rclpy.spin(node)

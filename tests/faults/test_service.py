@@ -42,9 +42,9 @@ def service() -> Iterator[tuple[int, str]]:
         process.terminate()
 
 
-def _connect(address: str, said: bytes) -> socket.socket:
+def _connect(address: str, data: bytes) -> socket.socket:
     client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
-    client.sendall(said)
+    client.sendall(data)
     return client
 
 
@@ -59,8 +59,8 @@ def send_lists(address: str) -> None:
 def send_numbers(address: str) -> None:
     """As many bytes as the bounds allow, as an agent's map in a text."""
     question = {"map": "[" + "1," * (SIZE // 2 - 200) + "1]", "things": "cup"}
-    said = {"name": "find_things", "arguments": question}
-    call = {"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": said}
+    params = {"name": "find_things", "arguments": question}
+    call = {"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": params}
     httpx2.post(f"{address}/mcp", json=call, timeout=600)
 
 
@@ -81,11 +81,13 @@ def send_too_large(address: str) -> None:
 
 def never_read(address: str) -> None:
     """Ask for a large answer, and do not read it."""
-    body = json.dumps({"map": {f"room {one}": [] for one in range(300)}, "most": 1000}).encode()
+    body = json.dumps(
+        {"map": {f"room {number}": [] for number in range(300)}, "most": 1000}
+    ).encode()
     head = b"POST /expect HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    said = head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body
-    client = _connect(address, said)
-    client.sendall(said)  # whose answer has to wait for the first
+    request = head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body
+    client = _connect(address, request)
+    client.sendall(request)  # whose answer has to wait for the first
     time.sleep(5)
     client.close()
 
@@ -138,7 +140,7 @@ def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> N
     def measure() -> int:
         """Bytes of the process and of its children."""
         children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
-        pages = [int(Path(f"/proc/{one}/statm").read_text().split()[1]) for one in children]
+        pages = [int(Path(f"/proc/{child}/statm").read_text().split()[1]) for child in children]
         own = int(Path(f"/proc/{number}/statm").read_text().split()[1])
         return (own + sum(pages)) * 4096
 

@@ -28,8 +28,8 @@ def robot() -> Robot:
     return Robot(open_graph(OFFICE, model="mixture"))
 
 
-def say(robot: Robot, topic: str, **said: Any) -> dict[str, Any]:
-    return robot.hear(topic, json.dumps(said))
+def say(robot: Robot, topic: str, **request: Any) -> dict[str, Any]:
+    return robot.hear(topic, json.dumps(request))
 
 
 def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
@@ -145,8 +145,8 @@ def test_a_number_is_an_id(robot: Robot) -> None:
 def test_the_kind_of_a_building_is_told_when_its_rooms_tell_it() -> None:
     robot = Robot(open_graph({}))
     assert "notes" not in say(robot, "discovered", room=1, room_type="nurse station")
-    told = say(robot, "discovered", room=2, room_type="operating theater")["notes"]
-    assert any(note.startswith("building kind taken for `hospital`") for note in told)
+    notes = say(robot, "discovered", room=2, room_type="operating theater")["notes"]
+    assert any(note.startswith("building kind taken for `hospital`") for note in notes)
     (note,) = say(robot, "discovered", room="ward")["notes"]
     assert "building kind" not in note, "it is said once"
     assert robot.seen.graph.building_kind == "hospital"
@@ -228,10 +228,10 @@ SEEN = open_graph(OFFICE, model="mixture")
 
 @given(
     topic=st.sampled_from(sorted(TOPICS)),
-    said=st.text() | st.dictionaries(st.sampled_from(KEYS), JSON).map(json.dumps),
+    text=st.text() | st.dictionaries(st.sampled_from(KEYS), JSON).map(json.dumps),
 )
-def test_any_text_gets_an_answer_that_is_json(topic: str, said: str) -> None:
-    answer = Robot(SEEN.copy()).hear(topic, said)
+def test_any_text_gets_an_answer_that_is_json(topic: str, text: str) -> None:
+    answer = Robot(SEEN.copy()).hear(topic, text)
     assert json.loads(encode_json(answer))["topic"] == topic
 
 
@@ -265,12 +265,12 @@ def test_detections_with_a_high_score_are_sightings(
         detection("", ("lamp", 1.0)),
         detection("d3"),
     )
-    said, lamp = read_detections(heard, frame="map", min_score=0.5)
-    assert said == {"thing": "microwave", "object": "d1", "score": 0.9, **place}
+    microwave, lamp = read_detections(heard, frame="map", min_score=0.5)
+    assert microwave == {"thing": "microwave", "object": "d1", "score": 0.9, **place}
     assert lamp == {"thing": "lamp", "object": None, "score": 1.0, **place}
-    assert robot.answer("saw", said)["code"] == "room-unsaid"
+    assert robot.answer("saw", microwave)["code"] == "room-unsaid"
     robot.hear("entered", "kitchen")
-    assert robot.answer("saw", said)["object"] == "d1"
+    assert robot.answer("saw", microwave)["object"] == "d1"
     assert robot.answer("saw", lamp)["object"] == "saw 20"
     assert [obj.score for obj in robot.seen.graph.objects[-2:]] == [0.9, 1.0]
 

@@ -45,8 +45,8 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             assert "here: Field required" in fault.content[0].text
 
             held = await client.call_tool("expect_things", {"map": SIMPLE, "room": "hall"})
-            names = [one["name"] for one in held.structured_content["rooms"][0]["expected"]]
-            assert names == [one.name for one in seen.expected("hall")[:10]]
+            names = [kind["name"] for kind in held.structured_content["rooms"][0]["expected"]]
+            assert names == [kind.name for kind in seen.expected("hall")[:10]]
 
             wrong = {"map": {"kitchen": 5}, "things": ["microwave"]}
             fault = await client.call_tool("find_things", wrong)
