@@ -29,7 +29,7 @@ from bsg_models.belief.partial_graph import (
 )
 from bsg_models.belief.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_robot.answers.description import describe_place, describe_things
-from bsg_robot.answers.request import FindRequest, NextPlaceRequest, Request
+from bsg_robot.answers.request import FindRequest, NextPlaceRequest, Request, read_text
 from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.words import find_room
 from bsg_robot.graph.memory import LONGEST_STEP
@@ -45,23 +45,10 @@ Answer = dict[str, Any]
 Within = Annotated[float, Number, Field(ge=0)]  # metres, or ∞
 Name = Annotated[str, Field(min_length=1, max_length=_LONGEST)]
 Id = Annotated[Name, BeforeValidator(spell_id)]  # a number is one, too
-Names = Annotated[  # or one name
-    tuple[Name, ...],
-    Field(max_length=_MOST_NAMES),
-    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
-]
 _OneOrMore = BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value])
+Names = Annotated[tuple[Name, ...], Field(min_length=1, max_length=_MOST_NAMES), _OneOrMore]
 Ids = Annotated[tuple[Id, ...], Field(max_length=_MOST_NAMES), _OneOrMore]
 Found = Annotated[tuple[Id, ...], Field(max_length=1000), _OneOrMore]
-
-
-def _read_word(value: Any) -> Any:
-    """Return the number, true or false that a text without JSON says."""
-    try:
-        found = parse_json(value[:_LONGEST]) if isinstance(value, str) else None
-    except ValueError:
-        found = None
-    return value if found is None else found
 
 
 class _Request(Request):
@@ -146,13 +133,13 @@ class Describe(Discovered):
 class MoreRooms(_Request):
     """So many rooms are not found yet; `true`: as many as homes have."""
 
-    number: Annotated[MoreRoomsNumber, BeforeValidator(_read_word)]
+    number: Annotated[MoreRoomsNumber, BeforeValidator(read_text)]
 
 
 class Passes(_Request):
     """So many hours have passed, or it is such a time."""
 
-    hours: Annotated[Hours, BeforeValidator(_read_word)] | None = None
+    hours: Annotated[Hours, BeforeValidator(read_text)] | None = None
     until: Annotated[Time, BeforeValidator(read_now)] | None = None
 
 
@@ -173,7 +160,7 @@ class Forget(_Request):
 class Where(_Request, FindRequest):
     """Where a thing is, or several; without `here`, from where the robot is."""
 
-    thing: Annotated[Names, Field(min_length=1)]
+    thing: Names
 
 
 class NextPlace(_Request, NextPlaceRequest):
