@@ -42,12 +42,6 @@ def service() -> Iterator[tuple[int, str]]:
         process.terminate()
 
 
-def _connect(address: str, data: bytes) -> socket.socket:
-    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
-    client.sendall(data)
-    return client
-
-
 def send_lists(address: str) -> None:
     """The slowest JSON that the bounds allow."""
     body = b'{"things": "cup", "map": {"hall": [' + b"[]," * (SIZE // 4) + b'"x"]}}'
@@ -64,41 +58,19 @@ def send_numbers(address: str) -> None:
     httpx2.post(f"{address}/mcp", json=call, timeout=600)
 
 
-def hold_half_bodies(address: str) -> None:
-    """Hold connections that never say their question."""
-    half = b"POST /find HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    held = [_connect(address, half + b"Content-Length: 100\r\n\r\n{") for _ in range(10)]
-    time.sleep(1)
-    for connection in held:
-        connection.close()
-
-
-def send_too_large(address: str) -> None:
-    """A question above the bound."""
-    with suppress(httpx2.TransportError):
-        httpx2.post(f"{address}/find", content=b" " * 4 * SIZE, headers=JSON, timeout=600)
-
-
 def never_read(address: str) -> None:
     """Ask for a large answer, and do not read it."""
-    body = json.dumps(
-        {"map": {f"room {number}": [] for number in range(300)}, "most": 1000}
-    ).encode()
+    rooms: dict[str, list[str]] = {f"room {number}": [] for number in range(300)}
+    body = json.dumps({"map": rooms, "most": 1000}).encode()
     head = b"POST /expect HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     request = head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body
-    client = _connect(address, request)
-    client.sendall(request)  # whose answer has to wait for the first
+    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
+    client.sendall(2 * request)  # the second answer has to wait for the first
     time.sleep(5)
     client.close()
 
 
-BROKEN: tuple[Callable[[str], None], ...] = (
-    send_lists,
-    send_numbers,
-    hold_half_bodies,
-    send_too_large,
-    never_read,
-)
+BROKEN: tuple[Callable[[str], None], ...] = (send_lists, send_numbers, never_read)
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda ask: ask.__name__)
