@@ -68,8 +68,8 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
     asked = click.get_current_context().get_parameter_source
     for name in ("host", "port", "names"):
         if stdio and asked(name) is not ParameterSource.DEFAULT:
-            said = "allow-host" if name == "names" else name
-            raise click.UsageError(f"--stdio does not use --{said}; leave one of them out")
+            option = "allow-host" if name == "names" else name
+            raise click.UsageError(f"--stdio does not use --{option}; leave one of them out")
     names = tuple(map(_read_host, names))
     if model is None:
         model = bsg_models.DEFAULT_MODEL
@@ -95,21 +95,23 @@ def _open_door(host: str, port: int) -> socket.socket:
         door = socket.create_server((host, port), family=family, backlog=2048)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            said = f"port {port} of {host} is taken; take another --port, or 0 for any that is free"
+            fault = (
+                f"port {port} of {host} is taken; take another --port, or 0 for any that is free"
+            )
         else:
-            said = f"--host {host}: this machine has no such address ({error.strerror})"
-        raise BSGError(said, code="address") from error
+            fault = f"--host {host}: this machine has no such address ({error.strerror})"
+        raise BSGError(fault, code="address") from error
     # An answer goes out at once; asyncio says so only for sockets that it opens itself.
     door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return door
 
 
-def _read_host(said: str) -> str:
+def _read_host(host: str) -> str:
     """Return a name of `--allow-host`, without its port."""
-    name = _PORT.sub("", said)
+    name = _PORT.sub("", host)
     if not _NAME.fullmatch(name):
         raise click.UsageError(
-            f"--allow-host {said[:SHOWN]}: expected a name or an address, as in robot.local, "
+            f"--allow-host {host[:SHOWN]}: expected a name or an address, as in robot.local, "
             "192.0.2.7 or [2001:db8::1], without http:// and without *"
         )
     return name.lower()

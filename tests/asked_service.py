@@ -27,7 +27,8 @@ def ask_service(
         async with Client(make_server(answer)) as agent:
             mcp = await agent.call_tool(tool, question)
         assert (http.status_code != 200) == mcp.is_error, (http.text, mcp.content)
-        told = {"error": mcp.content[0].text} if mcp.is_error else dict(mcp.structured_content)
-        return {"HTTP": http.json(), "MCP": told}
+        content = {"error": mcp.content[0].text} if mcp.is_error else dict(mcp.structured_content)
+        return {"HTTP": http.json(), "MCP": content}
 
-    return anyio.run(ask)
+    doors: dict[str, dict[str, Any]] = anyio.run(ask)
+    return doors

@@ -1,6 +1,6 @@
 """A robot in a process of its own: it says what stdin tells it to, and prints what it hears.
 
-    python ros_robot.py NAMESPACE
+    python ros_robot.py NAMESPACE TOPIC...
 
 Each line of stdin is `[topic, text]`, or `["reset", null]` for the service. Each line of stdout is
 `[topic, content]`; the first is `["ready", null]`, once node and robot have found each other.
@@ -20,25 +20,6 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-SAID = (
-    "discovered",
-    "entered",
-    "saw",
-    "searched",
-    "looked",
-    "gone",
-    "describe",
-    "more_rooms",
-    "passes",
-    "keeps",
-    "never",
-    "forget",
-    "where",
-    "next_place",
-    "expected",
-    "habits",
-)
-
 
 def tell(topic: str, content: Any) -> None:
     sys.stdout.write(json.dumps([topic, content]) + "\n")
@@ -55,7 +36,9 @@ def main() -> None:
     node = rclpy.create_node("robot", namespace=sys.argv[1])
     queue = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    said = {name: node.create_publisher(String, f"belief/{name}", queue) for name in SAID}
+    publishers = {
+        name: node.create_publisher(String, f"belief/{name}", queue) for name in sys.argv[2:]
+    }
     node.create_subscription(
         String, "belief/answers", lambda m: tell("answers", json.loads(m.data)), queue
     )
@@ -67,7 +50,7 @@ def main() -> None:
 
     def obey() -> None:
         while not (
-            all(one.get_subscription_count() for one in said.values())
+            all(publisher.get_subscription_count() for publisher in publishers.values())
             and node.count_publishers(f"{sys.argv[1]}/belief/answers")
             and reset.service_is_ready()
         ):
@@ -79,7 +62,7 @@ def main() -> None:
                 done = reset.call_async(Trigger.Request())
                 done.add_done_callback(lambda d: tell("reset", d.result().message))
             else:
-                said[topic].publish(String(data=text))
+                publishers[topic].publish(String(data=text))
 
     threading.Thread(target=obey, daemon=True).start()
     rclpy.spin(node)

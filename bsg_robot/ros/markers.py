@@ -29,13 +29,13 @@ def draw(seen: SeenBuilding, *, thing: str | None, frame: str) -> MarkerArray:
     for number, room in enumerate(rooms):
         if room.position is not None:
             name = room.label or room.name
-            said = _say(seen, room.name, thing, found.get(room.name))
+            content = _say(seen, room.name, thing, found.get(room.name))
             color = _heat(found[room.name]) if room.name in found else _GREY
             ball = _mark("rooms", number, Marker.SPHERE, header, color, _ROOM)
             text = _mark("names", number, Marker.TEXT_VIEW_FACING, header, _WHITE, _LETTER)
             ball.pose = Pose(position=_point(room.position))
             text.pose = Pose(position=_point(room.position, up=_ROOM))
-            text.text = f"{name}\n{said}"
+            text.text = f"{name}\n{content}"
             markers += [ball, text]
     ways = _mark("ways", 0, Marker.LINE_LIST, header, _GREY, _WAY)
     ways.points = list(
@@ -43,14 +43,14 @@ def draw(seen: SeenBuilding, *, thing: str | None, frame: str) -> MarkerArray:
     )
     things = _mark("objects", 0, Marker.SPHERE_LIST, header, _WHITE, _OBJECT)
     things.points = [_point(obj.position) for obj in seen.graph.objects if obj.position is not None]
-    return MarkerArray(markers=[*markers, *(one for one in (ways, things) if one.points)])
+    return MarkerArray(markers=[*markers, *(mark for mark in (ways, things) if mark.points)])
 
 
 def _say(seen: SeenBuilding, room: str, thing: str | None, found: float | None) -> str:
     if thing is not None and found is not None:
         return f"{thing} {found:.0%}"
     likeliest = seen.expected(room)[:_MOST_EXPECTED]
-    return ", ".join(f"{one.name} {one.probability:.0%}" for one in likeliest)
+    return ", ".join(f"{kind.name} {kind.probability:.0%}" for kind in likeliest)
 
 
 def _mark(

@@ -71,16 +71,16 @@ class BeliefNode:
             BSGError: if a file cannot be read, or there is no such model.
         """
         self.node, self.log = node, node.get_logger()
-        said = {name: _declare(node, name) for name in PARAMETERS}
-        self.graph, self.model = said["graph"], said["model"]
-        self.room_labels = said["room_labels"] or None
+        parameters = {name: _declare(node, name) for name in PARAMETERS}
+        self.graph, self.model = parameters["graph"], parameters["model"]
+        self.room_labels = parameters["room_labels"] or None
         if self.model == DEFAULT_MODEL:  # ROS does not tell who has named it
             self.log.info(TERMS)
-        self.state = Path(said["state"]) if said["state"] else None
-        self.frame, self.min_score = said["map_frame"], said["min_score"]
+        self.state = Path(parameters["state"]) if parameters["state"] else None
+        self.frame, self.min_score = parameters["map_frame"], parameters["min_score"]
         self.thing: str | None = None  # what was asked for last, which the markers show
         self.published: PartialGraph | None = None  # the last one, and so below
-        self.kept: PartialGraph | None = None
+        self.written: PartialGraph | None = None
         self.drawn: tuple[PartialGraph, str | None] | None = None
         if self.state is not None:
             held.enter_context(hold(self.state))  # of no other node at a time
@@ -101,8 +101,8 @@ class BeliefNode:
             detections = Detection3DArray, "~/detections", self.detect
             node.create_subscription(*detections, qos_profile_sensor_data)
         node.create_service(Trigger, "~/reset", self.reset)
-        node.create_timer(said["period"], self.tell)
-        self.tell()
+        node.create_timer(parameters["period"], self.publish)
+        self.publish()
 
     def _open(self, graph: Any) -> None:
         seen = open_graph(graph or _NOTHING, model=self.model, room_labels=self.room_labels)
@@ -138,8 +138,8 @@ class BeliefNode:
         stamp = message.header.stamp
         time = self.robot.date(stamp.sec + stamp.nanosec / 1e9)
         seen: list[str] = []  # in this message: each of its detections is another object
-        for said in read_detections(message, frame=self.frame, min_score=self.min_score):
-            answer = self.robot.answer("saw", said | {"time": time, "besides": seen})
+        for sighting in read_detections(message, frame=self.frame, min_score=self.min_score):
+            answer = self.robot.answer("saw", sighting | {"time": time, "besides": seen})
             seen += [answer["object"]] if "object" in answer else []
             # A detector never stops: it would repeat them with every message.
             for note in answer.get("notes", ()):
@@ -153,31 +153,31 @@ class BeliefNode:
         try:
             self._open(self.graph)
             self.thing = None
-            self.tell()
+            self.publish()
             answer.success, answer.message = True, _count(self.robot.seen)
         except BSGError as error:
             answer.success, answer.message = False, str(error)
         return answer
 
-    def tell(self) -> None:
+    def publish(self) -> None:
         """Publish what is new, and keep it: at most once a period, because sightings come often."""
         seen = self.robot.seen
-        if not _says_the_same(seen.graph, self.published):
+        if not _reports_the_same(seen.graph, self.published):
             self.graphs.publish(String(data=_encode(seen)))
             self.published = seen.graph
         now = (seen.graph, self.thing)
         if now != self.drawn and self.markers.get_subscription_count():
             self.markers.publish(draw(seen, thing=self.thing, frame=self.frame))
             self.drawn = now
-        self.keep()
+        self.write_state()
 
-    def keep(self) -> None:
+    def write_state(self) -> None:
         """Write the state; a full disk does not stop the node, which tries again."""
         seen = self.robot.seen
-        if self.state is not None and not _says_the_same(seen.graph, self.kept):
+        if self.state is not None and not _reports_the_same(seen.graph, self.written):
             try:
                 write_bytes(self.state, _encode(seen).encode())
-                self.kept = seen.graph
+                self.written = seen.graph
             except BSGError as error:
                 self.log.error(make_line(str(error)), throttle_duration_sec=10.0)
 
@@ -207,7 +207,7 @@ def run(ros_args: Sequence[str]) -> None:
             pass
         finally:
             if belief is not None:
-                belief.keep()
+                belief.write_state()
             node.destroy_node()
             rclpy.try_shutdown()
 
@@ -228,7 +228,7 @@ def _declare(node: Any, name: str) -> Any:
     return node.declare_parameter(name, default, descriptor).value
 
 
-def _says_the_same(graph: PartialGraph, before: PartialGraph | None) -> bool:
+def _reports_the_same(graph: PartialGraph, before: PartialGraph | None) -> bool:
     """Return whether nothing was reported since; time passes by itself."""
     return before is not None and replace(graph, now=before.now) == before
 

@@ -29,7 +29,7 @@ from bsg_models.belief.partial_graph import (
 )
 from bsg_models.belief.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_robot.answers.description import describe_place, describe_things
-from bsg_robot.answers.request import FindRequest, NextPlaceRequest, Request
+from bsg_robot.answers.request import FindRequest, NextPlaceRequest, Request, read_text
 from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.words import find_room
 from bsg_robot.graph.memory import LONGEST_STEP
@@ -45,23 +45,10 @@ Answer = dict[str, Any]
 Within = Annotated[float, Number, Field(ge=0)]  # metres, or ∞
 Name = Annotated[str, Field(min_length=1, max_length=_LONGEST)]
 Id = Annotated[Name, BeforeValidator(spell_id)]  # a number is one, too
-Names = Annotated[  # or one name
-    tuple[Name, ...],
-    Field(max_length=_MOST_NAMES),
-    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
-]
-_OneOrMore = BeforeValidator(lambda said: said if isinstance(said, list | tuple) else [said])
+_OneOrMore = BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value])
+Names = Annotated[tuple[Name, ...], Field(min_length=1, max_length=_MOST_NAMES), _OneOrMore]
 Ids = Annotated[tuple[Id, ...], Field(max_length=_MOST_NAMES), _OneOrMore]
 Found = Annotated[tuple[Id, ...], Field(max_length=1000), _OneOrMore]
-
-
-def _read_word(said: Any) -> Any:
-    """Return the number, true or false that a text without JSON says."""
-    try:
-        found = parse_json(said[:_LONGEST]) if isinstance(said, str) else None
-    except ValueError:
-        found = None
-    return said if found is None else found
 
 
 class _Request(Request):
@@ -146,13 +133,13 @@ class Describe(Discovered):
 class MoreRooms(_Request):
     """So many rooms are not found yet; `true`: as many as homes have."""
 
-    number: Annotated[MoreRoomsNumber, BeforeValidator(_read_word)]
+    number: Annotated[MoreRoomsNumber, BeforeValidator(read_text)]
 
 
 class Passes(_Request):
     """So many hours have passed, or it is such a time."""
 
-    hours: Annotated[Hours, BeforeValidator(_read_word)] | None = None
+    hours: Annotated[Hours, BeforeValidator(read_text)] | None = None
     until: Annotated[Time, BeforeValidator(read_now)] | None = None
 
 
@@ -173,7 +160,7 @@ class Forget(_Request):
 class Where(_Request, FindRequest):
     """Where a thing is, or several; without `here`, from where the robot is."""
 
-    thing: Annotated[Names, Field(min_length=1)]
+    thing: Names
 
 
 class NextPlace(_Request, NextPlaceRequest):
@@ -238,7 +225,7 @@ class Robot:
         except BSGError as error:
             return {"topic": topic, "error": str(error), "code": error.code}
 
-    def answer(self, topic: str, said: Mapping[str, Any]) -> Answer:
+    def answer(self, topic: str, request: Mapping[str, Any]) -> Answer:
         """Return the answer to keys and values that are not checked yet.
 
         It has the `topic`, and the `id` if there is one; an `error` and its `code`, or what was
@@ -246,10 +233,10 @@ class Robot:
         """
         kind, act = TOPICS[topic]
         answer: Answer = {"topic": topic}
-        if isinstance(name := spell_id(said.get("id")), str):
+        if isinstance(name := spell_id(request.get("id")), str):
             answer["id"] = name[:_LONGEST]
         try:
-            return answer | act(self, kind.model_validate(said))
+            return answer | act(self, kind.model_validate(request))
         except ValidationError as error:
             keys = ", ".join(kind.model_fields)
             fault = {"error": f"{name_fault(error)}; keys are {keys}", "code": "request-malformed"}
@@ -257,46 +244,46 @@ class Robot:
             fault = {"error": str(error), "code": error.code}
         return answer | fault
 
-    def saw(self, said: Saw) -> Answer:
+    def saw(self, request: Saw) -> Answer:
         """Note one object, in the robot's room unless it says another one."""
         known = self.seen.graph.objects
-        if len(known) >= MOST_OBJECTS and all(obj.name != said.object for obj in known):
+        if len(known) >= MOST_OBJECTS and all(obj.name != request.object for obj in known):
             raise _refuse_more(f"objects are at most {MOST_OBJECTS:,}", "objects-too-many")
-        room = self._require_room(said.room)
-        arguments = said.arguments | {"room": room}
+        room = self._require_room(request.room)
+        arguments = request.arguments | {"room": room}
         object_id = self.seen.saw(object_id=arguments.pop("object"), **arguments)
         is_known = self.seen.graph.objects[-1].category is not None
-        note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
+        note = f"no class map knows {request.thing!r}: it is kept, but tells the model nothing"
         return {"object": object_id} if is_known else {"object": object_id, "notes": [note]}
 
-    def entered(self, said: Entered) -> Answer:
+    def entered(self, request: Entered) -> Answer:
         """Note where the robot is, and how much of the room it has seen."""
-        self.seen.entered(**said.arguments)
-        self.here = said.room
-        return {"room": said.room}
+        self.seen.entered(**request.arguments)
+        self.here = request.room
+        return {"room": request.room}
 
-    def gone(self, said: Gone) -> Answer:
+    def gone(self, request: Gone) -> Answer:
         """Note that an object is gone."""
-        self.seen.gone(said.object, time=said.time)
-        return {"object": said.object}
+        self.seen.gone(request.object, time=request.time)
+        return {"object": request.object}
 
-    def looked(self, said: Looked) -> Answer:
+    def looked(self, request: Looked) -> Answer:
         """Note a look that did not find a thing, in the robot's room unless it says another one."""
-        room = self._require_room(said.room)
-        self.seen.looked(**said.arguments | {"room": room})
-        return {"room": room, "thing": said.thing}
+        room = self._require_room(request.room)
+        self.seen.looked(**request.arguments | {"room": room})
+        return {"room": room, "thing": request.thing}
 
-    def searched(self, said: Searched) -> Answer:
+    def searched(self, request: Searched) -> Answer:
         """Note that all of a room was seen."""
-        self.seen.searched(**said.arguments)
-        return {"room": said.room}
+        self.seen.searched(**request.arguments)
+        return {"room": request.room}
 
-    def describe(self, said: Describe) -> Answer:
+    def describe(self, request: Describe) -> Answer:
         """Note more of a known room."""
         before = self.seen.graph
-        index = find_room(before, said.room)
-        self.seen.describe(**said.arguments)
-        return self._answer_room(said.room, index, before)
+        index = find_room(before, request.room)
+        self.seen.describe(**request.arguments)
+        return self._answer_room(request.room, index, before)
 
     def _answer_room(self, room: str, index: int, before: PartialGraph) -> Answer:
         """Answer with a room, how it is read, and the building's kind if it is another one now."""
@@ -305,33 +292,33 @@ class Robot:
         notes += [] if graph.building_kind == before.building_kind else note_building(graph)
         return {"room": room, "notes": notes} if notes else {"room": room}
 
-    def more_rooms(self, said: MoreRooms) -> Answer:
+    def more_rooms(self, request: MoreRooms) -> Answer:
         """Note how many rooms are not found yet."""
-        self.seen.more_rooms(said.number or 0)
-        return {"number": said.number}
+        self.seen.more_rooms(request.number or 0)
+        return {"number": request.number}
 
-    def passes(self, said: Passes) -> Answer:
+    def passes(self, request: Passes) -> Answer:
         """Note that time has passed."""
         before = self.seen.graph.now
-        self.seen.passes(said.hours, until=said.until)
+        self.seen.passes(request.hours, until=request.until)
         now = self.seen.graph.now or 0.0
         self._ahead += 0.0 if before is None else now - before
         return {"now": show_time(now)}
 
-    def keeps(self, said: Keeps) -> Answer:
+    def keeps(self, request: Keeps) -> Answer:
         """Note where people keep a thing."""
-        self.seen.keeps(**said.arguments)
-        return said.arguments
+        self.seen.keeps(**request.arguments)
+        return request.arguments
 
-    def never(self, said: Keeps) -> Answer:
+    def never(self, request: Keeps) -> Answer:
         """Note where a thing never is."""
-        self.seen.never(**said.arguments)
-        return said.arguments
+        self.seen.never(**request.arguments)
+        return request.arguments
 
-    def forget(self, said: Forget) -> Answer:
+    def forget(self, request: Forget) -> Answer:
         """Forget what this home has taught."""
-        self.seen.forget(**said.arguments)
-        return said.arguments
+        self.seen.forget(**request.arguments)
+        return request.arguments
 
     def _require_room(self, room: str | None) -> str:
         """Return a room, or that of the robot."""
@@ -342,36 +329,36 @@ class Robot:
             )
         return str(room or self.here)
 
-    def discovered(self, said: Discovered) -> Answer:
+    def discovered(self, request: Discovered) -> Answer:
         """Note a new room."""
         if len(self.seen.rooms) >= MOST_ROOMS:
             raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
         before = self.seen.graph
-        self.seen.discovered(**said.arguments)
-        return self._answer_room(said.room, len(self.seen.rooms), before)
+        self.seen.discovered(**request.arguments)
+        return self._answer_room(request.room, len(self.seen.rooms), before)
 
-    def where(self, said: Where) -> Answer:
+    def where(self, request: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
-        here = said.here or (None if said.robots else self.here)
-        return describe_things(self.seen, said.thing, here=here, **said.options)
+        here = request.here or (None if request.robots else self.here)
+        return describe_things(self.seen, request.thing, here=here, **request.options)
 
-    def next_place(self, said: NextPlace) -> Answer:
+    def next_place(self, request: NextPlace) -> Answer:
         """Answer which piece of furniture to look at next."""
-        here = self._require_room(said.here)
-        return describe_place(self.seen, said.thing, here=here, **said.options)
+        here = self._require_room(request.here)
+        return describe_place(self.seen, request.thing, here=here, **request.options)
 
-    def expected(self, said: Expected) -> Answer:
+    def expected(self, request: Expected) -> Answer:
         """Answer what a room may hold, and of which kind it may be, the likeliest first."""
-        expected, kinds = self.seen.expected(said.room), self.seen.kinds(said.room)
+        expected, kinds = self.seen.expected(request.room), self.seen.kinds(request.room)
         return {
-            "room": said.room,
+            "room": request.room,
             "kinds": [*map(asdict, kinds)],
             "expected": [*map(asdict, expected)],
         }
 
-    def habits(self, said: Habits) -> Answer:
+    def habits(self, request: Habits) -> Answer:
         """Answer where a thing usually is in this home."""
-        return {"thing": said.thing, "habits": [*map(asdict, self.seen.habits(said.thing))]}
+        return {"thing": request.thing, "habits": [*map(asdict, self.seen.habits(request.thing))]}
 
 
 def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
@@ -381,12 +368,14 @@ def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[d
     class that is known nearby; without a position, any of its class in the room.
     """
     placed = message.header.frame_id == frame
-    for one in message.detections:
-        best = max((each.hypothesis for each in one.results), key=lambda h: h.score, default=None)
+    for detection in message.detections:
+        best = max(
+            (each.hypothesis for each in detection.results), key=lambda h: h.score, default=None
+        )
         if best is not None and best.score >= min_score:
-            at = one.bbox.center.position
-            said = {"thing": best.class_id, "object": one.id or None, "score": best.score}
-            yield said | ({"position": (at.x, at.y, at.z)} if placed else {})
+            at = detection.bbox.center.position
+            sighting = {"thing": best.class_id, "object": detection.id or None, "score": best.score}
+            yield sighting | ({"position": (at.x, at.y, at.z)} if placed else {})
 
 
 def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
@@ -396,15 +385,15 @@ def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
             f"expected at most {MOST_CHARACTERS:,} characters, found {len(text):,}",
             code="request-too-large",
         )
-    said: Any = text
+    keys: Any = text
     if text.lstrip().startswith(("{", "[", '"')):
         try:
-            said = parse_json(text)
+            keys = parse_json(text)
         except ValueError as error:
             raise RecipeError(f"no JSON ({error})", code="json-malformed") from error
     needed = [name for name, key in kind.model_fields.items() if key.is_required()]
     plain, *_ = needed or [name for name in kind.model_fields if name != "id"]
-    return said if isinstance(said, dict) else {plain: said}
+    return keys if isinstance(keys, dict) else {plain: keys}
 
 
 def _refuse_more(what: str, code: str) -> RecipeError:

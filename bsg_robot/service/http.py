@@ -126,7 +126,7 @@ async def _explain_path(request: Request, error: Exception) -> Response:
 
 
 async def _confess(_: Request, error: Exception) -> Response:
-    _log.error("unforeseen", exc_info=error)
+    _log.error("a question failed", exc_info=error)
     fault = "an error of the service; its terminal says more"
     return _respond(refuse(500, fault, code="service-error"))
 

@@ -42,12 +42,6 @@ def service() -> Iterator[tuple[int, str]]:
         process.terminate()
 
 
-def _connect(address: str, said: bytes) -> socket.socket:
-    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
-    client.sendall(said)
-    return client
-
-
 def send_lists(address: str) -> None:
     """The slowest JSON that the bounds allow."""
     body = b'{"things": "cup", "map": {"hall": [' + b"[]," * (SIZE // 4) + b'"x"]}}'
@@ -59,44 +53,24 @@ def send_lists(address: str) -> None:
 def send_numbers(address: str) -> None:
     """As many bytes as the bounds allow, as an agent's map in a text."""
     question = {"map": "[" + "1," * (SIZE // 2 - 200) + "1]", "things": "cup"}
-    said = {"name": "find_things", "arguments": question}
-    call = {"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": said}
+    params = {"name": "find_things", "arguments": question}
+    call = {"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": params}
     httpx2.post(f"{address}/mcp", json=call, timeout=600)
-
-
-def hold_half_bodies(address: str) -> None:
-    """Hold connections that never say their question."""
-    half = b"POST /find HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    held = [_connect(address, half + b"Content-Length: 100\r\n\r\n{") for _ in range(10)]
-    time.sleep(1)
-    for connection in held:
-        connection.close()
-
-
-def send_too_large(address: str) -> None:
-    """A question above the bound."""
-    with suppress(httpx2.TransportError):
-        httpx2.post(f"{address}/find", content=b" " * 4 * SIZE, headers=JSON, timeout=600)
 
 
 def never_read(address: str) -> None:
     """Ask for a large answer, and do not read it."""
-    body = json.dumps({"map": {f"room {one}": [] for one in range(300)}, "most": 1000}).encode()
+    rooms: dict[str, list[str]] = {f"room {number}": [] for number in range(300)}
+    body = json.dumps({"map": rooms, "most": 1000}).encode()
     head = b"POST /expect HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    said = head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body
-    client = _connect(address, said)
-    client.sendall(said)  # whose answer has to wait for the first
+    request = head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body
+    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
+    client.sendall(2 * request)  # the second answer has to wait for the first
     time.sleep(5)
     client.close()
 
 
-BROKEN: tuple[Callable[[str], None], ...] = (
-    send_lists,
-    send_numbers,
-    hold_half_bodies,
-    send_too_large,
-    never_read,
-)
+BROKEN: tuple[Callable[[str], None], ...] = (send_lists, send_numbers, never_read)
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda ask: ask.__name__)
@@ -138,7 +112,7 @@ def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> N
     def measure() -> int:
         """Bytes of the process and of its children."""
         children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
-        pages = [int(Path(f"/proc/{one}/statm").read_text().split()[1]) for one in children]
+        pages = [int(Path(f"/proc/{child}/statm").read_text().split()[1]) for child in children]
         own = int(Path(f"/proc/{number}/statm").read_text().split()[1])
         return (own + sum(pages)) * 4096
 
@@ -157,7 +131,7 @@ def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> N
         for thread in both:
             thread.join()
 
-    ask_twice(300, 1_000)  # until the 65,536 words that each of two processes keeps are full
+    ask_twice(160, 1_000)  # until the 65,536 words that each of two processes keeps are full
     before = measure()
     ask_twice(20_000 if stride == 1 else 500, 8)
     assert measure() - before < 20_000_000, (before, measure())

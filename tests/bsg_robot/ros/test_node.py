@@ -22,6 +22,7 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_models.runs.found_model import TERMS
+from bsg_robot.ros.requests import TOPICS
 
 pytest.importorskip("rclpy", reason="needs ROS 2: the extra ros, or a ROS 2 whose setup is sourced")
 HOME, EXAMPLES = REPOSITORY / "docs" / "home.json", REPOSITORY / "docs" / "examples"
@@ -100,13 +101,14 @@ def space() -> str:
 
 
 def start_node(start: Start, space: str, **parameters: object) -> subprocess.Popen[str]:
-    said = {"model": "mixture", "period": 0.1, **parameters}
-    words = [word for name, value in said.items() for word in ("-p", f"{name}:={value}")]
+    values = {"model": "mixture", "period": 0.1, **parameters}
+    words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
     return start(*COMMAND, "-r", f"__ns:={space}", *words)
 
 
 def start_robot(start: Start, space: str) -> Robot:
-    return Robot(start(sys.executable, str(REPOSITORY / "tests" / "ros_robot.py"), space))
+    robot = str(REPOSITORY / "tests" / "ros_robot.py")
+    return Robot(start(sys.executable, robot, space, *TOPICS))
 
 
 def end(process: subprocess.Popen[str], number: signal.Signals) -> int:
@@ -133,7 +135,7 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
     assert robot.ask("looked", "microwave") == looked
     answer = robot.ask("where", '{"thing": "microwave", "id": "b"}')
     assert (answer["id"], answer["go_first"], answer["cost_unit"]) == ("b", "kitchen", "m")
-    places = [(one["room"], one["cost"]) for one in answer["things"][0]["places"]]
+    places = [(place["room"], place["cost"]) for place in answer["things"][0]["places"]]
     assert places == [("kitchen", 5), ("explore", 5), ("hall", 0)]
     assert robot.ask("expected", "kitchen")["expected"][0]["probability"] > 0.1
     graph = robot.hear_graph(lambda graph: bool(graph["objects"]))
@@ -188,13 +190,13 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     before = robot.ask("where", '{"thing": "sink", "here": "hall"}')
     assert end(node, signal.SIGTERM) == 143
     robot.process.kill()
-    kept = json.loads(state.read_text("utf-8"))
-    assert [room["id"] for room in kept["rooms"]][-1] == "cellar"
+    file = json.loads(state.read_text("utf-8"))
+    assert [room["id"] for room in file["rooms"]][-1] == "cellar"
 
     node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
     graph = robot.hear("graph")
-    assert kept["objects"][-1]["time"] <= kept["now"] < graph["now"], "its clock went on"
-    assert graph == kept | {"now": graph["now"]}
+    assert file["objects"][-1]["time"] <= file["now"] < graph["now"], "its clock went on"
+    assert graph == file | {"now": graph["now"]}
     again = robot.ask("where", '{"thing": "sink", "here": "hall"}')
     assert again["things"][0]["habits"][0]["sightings"] == 1
     places, others = (answer["things"][0]["places"] for answer in (again, before))
@@ -209,7 +211,7 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     assert TERMS in second.stderr
     robot.ask("searched", "cellar")
     assert robot.hear("graph")["rooms"][-1]["hidden_share"] == 0, "time alone publishes nothing"
-    while json.loads(state.read_text("utf-8"))["rooms"] == kept["rooms"]:  # written within a period
+    while json.loads(state.read_text("utf-8"))["rooms"] == file["rooms"]:  # written within a period
         assert node.poll() is None
         time.sleep(0.02)
     assert end(node, signal.SIGKILL) == -signal.SIGKILL
@@ -221,19 +223,19 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "fault"),
     [
         (["-p", "graph:=3"], "parameter"),
         (["-p", "graph"], "-p graph"),
         (["-p", f"state:={__file__}"], "move it away"),
     ],
 )
-def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], said: str) -> None:
+def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], fault: str) -> None:
     done = subprocess.run(
         [*COMMAND, "-p", "model:=mixture", *words], capture_output=True, text=True, timeout=WAIT
     )
     assert done.returncode in (1, 2)
-    assert said in done.stderr.splitlines()[-1]
+    assert fault in done.stderr.splitlines()[-1]
     assert "Traceback" not in done.stderr
     assert TERMS not in done.stderr
 
@@ -259,8 +261,8 @@ def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
         ("more_rooms", "2", "number", 2),
         ("gone", "saw 4", "object", "saw 4"),
     ):
-        told = (client[0], "--topic", topic, text)
-        done = start(sys.executable, *told, "--ros-args", "-r", f"__ns:={space}")
+        words = (client[0], "--topic", topic, text)
+        done = start(sys.executable, *words, "--ros-args", "-r", f"__ns:={space}")
         assert json.loads(done.communicate(timeout=WAIT)[0])[key] == value
 
 
@@ -268,10 +270,10 @@ def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
 def test_the_launch_file_starts_the_node(start: Start, space: str, tmp_path: Path) -> None:
     """Its command, as `launch` splits and fills it."""
     tree = ElementTree.parse(EXAMPLES / "belief.launch.xml")
-    values = {one.attrib["name"]: one.attrib["default"] for one in tree.iter("arg")}
+    values = {argument.attrib["name"]: argument.attrib["default"] for argument in tree.iter("arg")}
     assert values["graph"] == values["state"] == "''"
     values |= {"namespace": space, "model": "mixture"}
-    (command,) = (one.attrib["cmd"] for one in tree.iter("executable"))
+    (command,) = (element.attrib["cmd"] for element in tree.iter("executable"))
     name, *words = (
         re.sub(r"\$\(var\s(\w+)\)", lambda found: values[found[1]], word)
         for word in shlex.split(command.replace("(var ", "(var\N{NO-BREAK SPACE}"))
@@ -287,34 +289,36 @@ def test_the_recorded_session_can_be_played(start: Start, space: str) -> None:
     highlevel = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: the extra test")
     with highlevel.AnyReader([EXAMPLES / "ros_session"]) as bag:
         recorded = [
-            (one.topic.removeprefix("/belief/"), bag.deserialize(raw, one.msgtype).data)
-            for one, _, raw in bag.messages()
-            if one.msgtype == "std_msgs/msg/String"
+            (
+                connection.topic.removeprefix("/belief/"),
+                bag.deserialize(raw, connection.msgtype).data,
+            )
+            for connection, _, raw in bag.messages()
+            if connection.msgtype == "std_msgs/msg/String"
         ]
     start_node(start, space, graph=HOME)
     robot, answers = start_robot(start, space), [x for t, x in recorded if t == "answers"]
-    said = [one for one in recorded if one[0] not in ("answers", "graph")]
-    assert len(said) == len(answers) > 8
-    for (topic, text), answer in zip(said, map(json.loads, answers), strict=True):
+    heard = [pair for pair in recorded if pair[0] not in ("answers", "graph")]
+    assert len(heard) == len(answers) > 8
+    for (topic, text), answer in zip(heard, map(json.loads, answers), strict=True):
         again = robot.ask(topic, text)
         assert again.keys() == answer.keys()
         assert "error" not in again
         same = ("topic", "id", "room", "object", "thing")
         assert [again.get(key) for key in same] == [answer.get(key) for key in same]
         asked, before = again.get("things", ()), answer.get("things", ())
-        assert [one["class"] for one in asked] == [one["class"] for one in before]
+        assert [thing["class"] for thing in asked] == [thing["class"] for thing in before]
 
 
 def test_the_page_has_all_topics_and_parameters() -> None:
     from bsg_robot.ros.node import PARAMETERS
-    from bsg_robot.ros.requests import TOPICS
 
     page = (REPOSITORY / "docs" / "robot-software.md").read_text("utf-8")
     rows = re.findall(r"^\| `([\w~/]+)` \| (\S+)", page, re.MULTILINE)
     shown = {name: value.strip("`") for name, value in rows}
     assert {f"~/{topic}" for topic in TOPICS} < shown.keys()
-    said = dict(re.findall(r"^\| `~/(\w+)` \| ([^|]*) \|", page, re.MULTILINE))
+    keys = dict(re.findall(r"^\| `~/(\w+)` \| ([^|]*) \|", page, re.MULTILINE))
     for topic, (kind, _) in TOPICS.items():
-        assert {*re.findall(r"`(\w+)`", said[topic])} == {*kind.model_fields} - {"id"}, topic
+        assert {*re.findall(r"`(\w+)`", keys[topic])} == {*kind.model_fields} - {"id"}, topic
     for name, (default, *_) in PARAMETERS.items():
         assert shown[name] == (str(default) or "–"), name

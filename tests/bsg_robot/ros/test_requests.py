@@ -28,8 +28,8 @@ def robot() -> Robot:
     return Robot(open_graph(OFFICE, model="mixture"))
 
 
-def say(robot: Robot, topic: str, **said: Any) -> dict[str, Any]:
-    return robot.hear(topic, json.dumps(said))
+def say(robot: Robot, topic: str, **request: Any) -> dict[str, Any]:
+    return robot.hear(topic, json.dumps(request))
 
 
 def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
@@ -37,61 +37,57 @@ def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
     assert robot.hear("saw", "sofa") == {"topic": "saw", "object": "saw 19"}
     assert robot.seen.graph.objects[-1].room_index == 3
     answer = robot.hear("where", "sofa")
-    places = robot.seen.where("sofa", here="meeting-room")
-    (sofa,) = answer["things"]
-    assert sofa["places"] == [asdict(place) for place in places]
     assert (answer["go_first"], answer["here"]) == ("meeting-room", "meeting-room")
-    assert say(robot, "expected", room="kitchen")["expected"]
     assert robot.hear("where", '"sofa"') == answer
     both = robot.hear("where", '["cup", "sofa"]')["things"]
-    assert [one["thing"] for one in both] == ["cup", "sofa"]
+    assert [thing["thing"] for thing in both] == ["cup", "sofa"]
 
 
-def test_reports_change_what_python_would_change(robot: Robot) -> None:
-    other = robot.seen.copy()
-    say(robot, "entered", room="kitchen", floor_in_view=0.5)
-    say(robot, "discovered", room="R9", beside=["kitchen"], position=[1, 2, 3], floor_area=8)
-    say(robot, "saw", thing="lamp", room="R9", object="l", position=[1, 2, 4])
-    say(robot, "searched", room="meeting-room")
-    say(robot, "looked", thing="bottle")
-    say(robot, "looked", thing="mug", room="waiting-room", chance=0.5)
-    say(robot, "gone", object="9")
-    say(robot, "searched", room="waiting-room", found=["couch", "3"])
-    facts = {"room_type": "storage room", "label": "D", "floor_area": 7, "beside": "meeting-room"}
-    say(robot, "describe", room="R9", **facts)
-    say(robot, "more_rooms", number=4)
-    for age in (48, 24):  # within 0.3 m, the same one
-        asked = {"position": [5, 5, 1 + age / 200], "age": age, "stays": 24, "within": 0.3}
-        say(robot, "saw", thing="toy", room="R9", **asked)
-    other.entered("kitchen", floor_in_view=0.5)
-    other.discovered("R9", beside="kitchen", position=(1, 2, 3), floor_area=8)
-    other.saw("R9", "lamp", object_id="l", position=(1, 2, 4))
-    other.searched("meeting-room")
-    other.looked("kitchen", "bottle")
-    other.looked("waiting-room", "mug", chance=0.5)
-    other.gone("9")
-    other.searched("waiting-room", found=["couch", "3"])
-    other.describe("R9", **facts)
-    other.more_rooms(4)
-    for age in (48, 24):
-        other.saw("R9", "toy", position=(5, 5, 1 + age / 200), age=age, stays=24, within=0.3)
-    assert robot.seen.graph == other.graph
-    assert robot.here == "kitchen"
-    known = {obj.name: obj for obj in robot.seen.graph.objects}
-    assert known.keys() & {"1", "2", "3", "4", "5", "9"} == {"1", "3"}
-    bottles = {place.room: place for place in robot.seen.where("bottle")}
-    assert bottles["kitchen"].seen == ("12",)
-    assert bottles["kitchen"].probability < 0.95, "a look has missed the bottle"
-    assert robot.seen.graph.rooms[-1].label == "D"
+FACTS = {"room_type": "storage room", "label": "D", "floor_area": 7, "beside": "meeting-room"}
+TOY = {"thing": "toy", "room": "R9", "stays": 24, "within": 0.3}
+DAY: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("passes", {"until": 3600}),
+    ("passes", {"hours": 0.1}),
+    ("entered", {"room": "kitchen", "floor_in_view": 0.5}),
+    ("discovered", {"room": "R9", "beside": ["kitchen"], "position": [1, 2, 3], "floor_area": 8}),
+    ("saw", {"thing": "lamp", "room": "R9", "object": "l", "position": [1, 2, 4]}),
+    ("saw", {"thing": "mug", "room": "R9", "object": "m", "on": "l"}),
+    ("searched", {"room": "meeting-room"}),
+    ("looked", {"thing": "bottle"}),
+    ("looked", {"thing": "mug", "room": "waiting-room", "chance": 0.5}),
+    ("saw", {"thing": "fridge", "object": "f"}),
+    ("looked", {"thing": "milk", "at": "f"}),
+    ("looked", {"thing": "phone", "time": 3955}),
+    ("gone", {"object": "9"}),
+    ("searched", {"room": "waiting-room", "found": ["couch", "3"], "time": 3958}),
+    ("describe", {"room": "R9", **FACTS}),
+    ("more_rooms", {"number": 4}),
+    ("saw", {**TOY, "position": [5, 5, 1.24], "age": 48}),
+    ("saw", {**TOY, "position": [5, 5, 1.12], "age": 24}),  # within 0.3 m, the same one
+    ("keeps", {"thing": "drinks", "at": "fridge", "room": "kitchen"}),
+    ("keeps", {"thing": "toy", "room": "kitchen"}),
+    ("never", {"thing": "toy", "room": "kitchen"}),
+    ("saw", {"thing": "book", "room": "meeting-room", "object": "b", "time": 3959}),
+    ("entered", {"room": "kitchen", "seconds_inside": 9, "time": "1970-01-01T02:06:00+01:00"}),
+    ("saw", {"thing": "book", "object": "b"}),
+    ("forget", {"thing": "toy"}),
+)
 
 
-def test_what_lies_on_what_and_looks_at_furniture_are_heard() -> None:
-    robot = Robot(open_graph({"kitchen": ["counter", "fridge"], "hall": []}))
-    say(robot, "entered", room="kitchen")
-    say(robot, "saw", thing="mug", object="m", on="counter 1")
-    say(robot, "looked", thing="milk", at="fridge 1")
-    assert robot.seen.graph.objects[-1].on == "counter 1"
-    assert [one.at for one in robot.seen.graph.looks] == ["fridge 1"]
+def test_a_day_of_reports_changes_what_python_would_change(robot: Robot) -> None:
+    """Without a room, they are of the one that was entered last."""
+    seen = robot.seen.copy()
+    for topic, report in DAY:
+        assert "error" not in say(robot, topic, **report)
+        names = {"object": "object_id"} if topic in ("saw", "gone") else {}
+        arguments = {names.get(key, key): value for key, value in report.items()}
+        if topic in ("saw", "looked"):
+            arguments.setdefault("room", "kitchen")
+        getattr(seen, topic)(**arguments)
+    assert robot.seen.graph == seen.graph
+    habits = say(robot, "habits", thing="book")["habits"]
+    assert habits == [*map(asdict, seen.habits("book"))]
+    assert {habit["room"] for habit in habits} == {"kitchen", "meeting-room", None}
 
 
 def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None:
@@ -101,43 +97,8 @@ def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None
     go = robot.hear("next_place", "milk")
     assert go == {"topic": "next_place", "thing": "milk", "room": "kitchen", "piece": "fridge 1"}
     say(robot, "looked", thing="milk", at="fridge 1")
-    asked = {"id": 7, "thing": "milk", "at": "fridge 1", "look": 4, "chance": 0.7}
-    then = robot.seen.next_place("milk", here="kitchen", at="fridge 1", look=4, chance=0.7)
-    assert then is not None
-    assert say(robot, "next_place", **asked) == {"id": "7", **go, "piece": then.piece}
-    assert then.piece == "counter 1"
-    for wrong, code in ({"at": "bed"}, "piece-unknown"), ({"look": -1}, "request-malformed"):
-        assert say(robot, "next_place", **asked | wrong)["code"] == code
-
-
-def test_reports_have_a_time_and_a_home_teaches(robot: Robot) -> None:
-    other = robot.seen.copy()
-    say(robot, "passes", until=3600)
-    robot.hear("passes", "0.1")
-    say(robot, "keeps", thing="drinks", at="fridge", room="kitchen")
-    for topic in ("keeps", "never"):
-        say(robot, topic, thing="toy", room="kitchen")
-    say(robot, "saw", thing="book", room="meeting-room", object="b", time=3960)
-    say(robot, "looked", thing="phone", room="kitchen", time=3970)
-    say(robot, "entered", room="waiting-room", seconds_inside=9, time="1970-01-01T02:06:00+01:00")
-    say(robot, "saw", thing="book", room="kitchen", object="b")
-    say(robot, "forget", thing="toy")
-    say(robot, "gone", object="9", time=3990)
-    say(robot, "searched", room="meeting-room", time=4000)
-    other.passes(until=3600)
-    other.passes(0.1)
-    other.keeps("drinks", at="fridge", room="kitchen")
-    other.saw("meeting-room", "book", object_id="b", time=3960)
-    other.looked("kitchen", "phone", time=3970)
-    other.entered("waiting-room", seconds_inside=9, time=3960)
-    other.saw("kitchen", "book", object_id="b")
-    other.gone("9", time=3990)
-    other.searched("meeting-room", time=4000)
-    assert robot.seen.graph == other.graph
-    habits = say(robot, "habits", thing="book")["habits"]
-    assert habits == [*map(asdict, other.habits("book"))]
-    assert {one["room"] for one in habits} == {"kitchen", "meeting-room", None}
-    assert say(robot, "where", thing="book")["things"][0]["habits"] == habits
+    question = {"id": 7, "thing": "milk", "at": "fridge 1"}
+    assert say(robot, "next_place", **question) == {"id": "7", **go, "piece": "counter 1"}
 
 
 def test_a_clock_that_jumps_goes_on_from_the_last_time(robot: Robot) -> None:
@@ -163,10 +124,6 @@ def test_rooms_that_are_not_found_are_a_number_or_true(
 ) -> None:
     assert robot.hear("more_rooms", text) == {"topic": "more_rooms", "number": more}
     assert robot.seen.graph.more_rooms is more
-    robot.seen.searched("waiting-room")
-    answer = robot.hear("where", '{"thing": "toilet", "here": "waiting-room"}')
-    assert "explore" in [place["room"] for place in answer["things"][0]["places"]]
-    assert "explore" in [step["room"] for step in answer["plan"]]
 
 
 def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot: Robot) -> None:
@@ -188,8 +145,8 @@ def test_a_number_is_an_id(robot: Robot) -> None:
 def test_the_kind_of_a_building_is_told_when_its_rooms_tell_it() -> None:
     robot = Robot(open_graph({}))
     assert "notes" not in say(robot, "discovered", room=1, room_type="nurse station")
-    told = say(robot, "discovered", room=2, room_type="operating theater")["notes"]
-    assert any(note.startswith("building kind taken for `hospital`") for note in told)
+    notes = say(robot, "discovered", room=2, room_type="operating theater")["notes"]
+    assert any(note.startswith("building kind taken for `hospital`") for note in notes)
     (note,) = say(robot, "discovered", room="ward")["notes"]
     assert "building kind" not in note, "it is said once"
     assert robot.seen.graph.building_kind == "hospital"
@@ -209,33 +166,22 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("saw", "sofa", "room-unsaid"),
         ("saw", "", "request-malformed"),
         ("saw", '{"thing": "sofa", "room": "kitchen", "position": [0, 1]}', "request-malformed"),
-        ("saw", '{"thing": 7, "room": "kitchen"}', "request-malformed"),
         ("entered", "cellar", "room-unknown"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1.5}', "request-malformed"),
-        ("entered", '{"room": "kitchen", "floor_in_view": 1, "hidden_share": 0}', "share-twice"),
         ("discovered", "kitchen", "room-known"),
-        ("saw", '{"thing": "cup", "room": "kitchen", "score": 1.5}', "request-malformed"),
         ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
-        ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
         ("gone", "no-such", "object-unknown"),
         ("gone", '{"object": true}', "request-malformed"),
         ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
         ("more_rooms", "many", "request-malformed"),
-        ("more_rooms", '{"number": 1.5}', "request-malformed"),
         ("passes", "an hour", "request-malformed"),
         ("passes", '{"until": "2026-11-28T08:30:00"}', "request-malformed"),
-        ("passes", '{"hours": 1, "until": 3}', "time-unsaid"),
         ("looked", '{"thing": "mug", "room": "kitchen", "time": 1e13}', "request-malformed"),
         ("keeps", '{"thing": "cola", "room": "cellar"}', "room-unknown"),
-        ("never", "cola", "custom-nowhere"),
-        ("forget", "zzqx", "thing-unknown"),
         ("habits", "zzqx", "thing-unknown"),
-        ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
-        ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
-        ("where", '{"thing": "cup", "costs": {"kitchen": 1}}', "request-malformed"),
         ("where", '{"thing": "cup", "speed": 0}', "request-malformed"),
-        ("where", '{"thing": "cup", "budget": 5}', "budget-impossible"),
         ("where", "zzqx", "thing-unknown"),
+        ("next_place", '{"thing": "cup", "here": "kitchen", "at": "bed"}', "piece-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
         ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),
         ("where", '{"thing": ' + "[" * 60_000, "json-malformed"),
@@ -282,10 +228,10 @@ SEEN = open_graph(OFFICE, model="mixture")
 
 @given(
     topic=st.sampled_from(sorted(TOPICS)),
-    said=st.text() | st.dictionaries(st.sampled_from(KEYS), JSON).map(json.dumps),
+    text=st.text() | st.dictionaries(st.sampled_from(KEYS), JSON).map(json.dumps),
 )
-def test_any_text_gets_an_answer_that_is_json(topic: str, said: str) -> None:
-    answer = Robot(SEEN.copy()).hear(topic, said)
+def test_any_text_gets_an_answer_that_is_json(topic: str, text: str) -> None:
+    answer = Robot(SEEN.copy()).hear(topic, text)
     assert json.loads(encode_json(answer))["topic"] == topic
 
 
@@ -319,12 +265,12 @@ def test_detections_with_a_high_score_are_sightings(
         detection("", ("lamp", 1.0)),
         detection("d3"),
     )
-    said, lamp = read_detections(heard, frame="map", min_score=0.5)
-    assert said == {"thing": "microwave", "object": "d1", "score": 0.9, **place}
+    microwave, lamp = read_detections(heard, frame="map", min_score=0.5)
+    assert microwave == {"thing": "microwave", "object": "d1", "score": 0.9, **place}
     assert lamp == {"thing": "lamp", "object": None, "score": 1.0, **place}
-    assert robot.answer("saw", said)["code"] == "room-unsaid"
+    assert robot.answer("saw", microwave)["code"] == "room-unsaid"
     robot.hear("entered", "kitchen")
-    assert robot.answer("saw", said)["object"] == "d1"
+    assert robot.answer("saw", microwave)["object"] == "d1"
     assert robot.answer("saw", lamp)["object"] == "saw 20"
     assert [obj.score for obj in robot.seen.graph.objects[-2:]] == [0.9, 1.0]
 
@@ -339,17 +285,12 @@ def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("blank", [None, ""])
-def test_blank_keys_are_left_out(blank: str | None) -> None:
-    robot = Robot(open_graph({"kitchen": [], "hall": []}))
-    said = (
+def test_blank_keys_are_left_out(robot: Robot, blank: str | None) -> None:
+    robot.hear("entered", "kitchen")
+    for topic, report in (
         ("discovered", {"room": 4, "beside": blank, "room_type": blank, "position": blank}),
-        ("entered", {"room": "kitchen", "floor_in_view": blank, "id": blank}),
         ("saw", {"thing": "sink", "room": blank, "object": blank, "within": blank}),
-        ("looked", {"thing": "mug", "room": "hall", "chance": blank}),
-        ("searched", {"room": "hall", "found": blank}),
-        ("where", {"thing": "mug", "here": blank, "chance": blank, "task": blank, "id": blank}),
-        ("where", {"thing": "mug", "here": 4, "robots": blank, "look": blank}),
-    )
-    for topic, fields in said:
-        answer = robot.answer(topic, fields)
-        assert "error" not in answer, (topic, answer)
+        ("searched", {"room": "kitchen", "found": blank}),
+        ("where", {"thing": "mug", "here": 4, "robots": blank, "look": blank, "task": blank}),
+    ):
+        assert "error" not in (answer := robot.answer(topic, report)), answer

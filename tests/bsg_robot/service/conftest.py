@@ -27,8 +27,8 @@ def _serve() -> Iterator[tuple[subprocess.Popen[str], str]]:
             yield process, found[0]
         finally:
             process.terminate()
-            said = process.stderr.read()
-    assert (process.returncode, said.strip()) == (143, "asked to end")
+            notes = process.stderr.read()
+    assert (process.returncode, notes.strip()) == (143, "asked to end")
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,6 @@ import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY
 
-import bsg_robot
 from bsg_cli.serve import main as serve
 from bsg_robot.service.http import MOST_BYTES, make_app
 from bsg_robot.service.questions import Answer
@@ -37,33 +36,16 @@ def ask(address: str, path: str = "/find", **question: Any) -> httpx2.Response:
     return httpx2.post(address + path, json=question, timeout=60)
 
 
-@pytest.mark.parametrize("said", [DSG, SIMPLE])
-def test_every_kind_of_map_is_read_as_open_graph_reads_it(
-    address: str, said: dict[str, Any]
-) -> None:
-    labels = "mpcat40" if said is DSG else None
-    seen = bsg_robot.open_graph(said, labels=labels)
-    found = ask(address, "/expect", map=said, most=3, labels=labels).json()
-    assert [room["room"] for room in found["rooms"]] == list(seen.rooms)
-    assert found["notes"] == list(seen.notes)
-    for room in found["rooms"]:
-        expected = seen.expected(room["room"])[:3]
-        assert [one["name"] for one in room["expected"]] == [one.name for one in expected]
-        assert [one["probability"] for one in room["expected"]] == pytest.approx(
-            [one.probability for one in expected], abs=1e-6
-        )
-
-
 def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
     described = httpx2.get(f"{address}/openapi.json").json()
-    said = {"map": SIMPLE, "things": ["bed", "sofa", "banana"], "here": "hall", "costs": COSTS}
-    said |= {"budget": 90, "speed": 0.5}
+    find = {"map": SIMPLE, "things": ["bed", "sofa", "banana"], "here": "hall", "costs": COSTS}
+    find |= {"budget": 90, "speed": 0.5}
     schemas = {
-        "/find": said,
+        "/find": find,
         "/next_place": {"map": SIMPLE, "thing": "bed", "here": "hall", "costs": COSTS, "look": 2},
         "/expect": {"map": SIMPLE, "room": "hall"},
     }
-    team = {**said, "robots": {"a": "hall"}, "look": {"hall": 2}, "chance": 0.7, "task": "all"}
+    team = {**find, "robots": {"a": "hall"}, "look": {"hall": 2}, "chance": 0.7, "task": "all"}
     for path, question in [*schemas.items(), ("/find", team)]:
         post = described["paths"][path]["post"]
         answer = ask(address, path, **question)
@@ -94,7 +76,11 @@ PLACE = {"map": SIMPLE, "thing": "sink", "here": "hall"}
         (FIND | {"heer": "hall"}, "question-malformed", "heer: "),
         (FIND | {"look": -1}, "question-malformed", "look"),
         (FIND | {"chance": 1.5}, "question-malformed", "chance: "),
-        (FIND | {"map": [SIMPLE]}, "question-malformed", "map: "),
+        (FIND | {"map": "[]"}, "question-malformed", "map: expected a JSON object such as {"),
+        (FIND | {"map": '{"a": [], "a": []}'}, "question-malformed", "map: expected a value, or"),
+        (FIND | {"look": "much"}, "question-malformed", "look: expected a value, or the text of"),
+        (FIND | {"things": '["cup"'}, "question-malformed", "things: "),
+        (FIND | {"things": " , "}, "thing-unknown", ""),
         (PLACE | {"here": ""}, "question-malformed", "here: "),
         (PLACE | {"at": "fridge"}, "piece-unknown", "'fridge': expected the id of an object of"),
         (PLACE | {"chance": 0}, "chance-zero", "chance: expected above 0"),
@@ -154,14 +140,35 @@ def test_what_nobody_foresaw_is_answered_as_json() -> None:
     assert ask_app(make_app(fail), "/nothing") == (404, "path-unknown")
 
 
-def test_what_an_agent_fills_in_with_nothing_is_left_out(address: str) -> None:
-    plain = ask(address, map=SIMPLE, things="cup", here="hall").json()
-    blank = {"robots": {}, "look": "", "chance": None, "task": "", "labels": None}
-    assert ask(address, map=SIMPLE, things="cup", here="hall", **blank).json() == plain
-    nowhere = ask(address, map=SIMPLE, things="cup", here="").json()
-    assert nowhere == ask(address, map=SIMPLE, things="cup").json()
-    room = ask(address, "/expect", map=SIMPLE, room="", most=None).json()
-    assert room == ask(address, "/expect", map=SIMPLE).json()
+BLANK = {"robots": {}, "look": "", "chance": None, "task": "", "labels": None}
+BUDGET = FIND | {"here": "hall", "budget": 9, "speed": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("text", "question"),
+    [
+        (FIND | BLANK | {"here": ""}, FIND),
+        (FIND | {"map": json.dumps(SIMPLE)}, FIND),
+        (FIND | {"look": "5"}, FIND | {"look": 5}),
+        (FIND | {"look": '{"hall": 2}'}, FIND | {"look": {"hall": 2}}),
+        (FIND | {"chance": "0.5"}, FIND | {"chance": 0.5}),
+        (BUDGET | {"budget": "9", "speed": "0.5"}, BUDGET),
+        (FIND | {"costs": json.dumps(COSTS)}, FIND | {"costs": COSTS}),
+        (FIND | {"robots": '{"a": "hall"}'}, FIND | {"robots": {"a": "hall"}}),
+        (FIND | {"things": '["cup", "towel"]'}, FIND | {"things": ["cup", "towel"]}),
+        (FIND | {"things": "cup, towel"}, FIND | {"things": ["cup", "towel"]}),
+        (
+            FIND | {"things": "mug (red, old), [towel]"},
+            FIND | {"things": ["mug (red, old)", "[towel]"]},
+        ),
+    ],
+)
+def test_what_an_agent_writes_as_text_or_leaves_blank_is_read(
+    address: str, text: dict[str, Any], question: dict[str, Any]
+) -> None:
+    answer = ask(address, **text)
+    assert answer.status_code == 200, answer.text
+    assert answer.json() == ask(address, **question).json()
 
 
 @pytest.mark.parametrize("path", ["/find", "/mcp", "/openapi.json"])
@@ -179,9 +186,9 @@ def test_another_host_is_refused(address: str, path: str) -> None:
         assert answer.json()["code"] == "host-unknown"
 
 
-@pytest.mark.parametrize("said", ["http://robot.local", "*", "", "robot local", "robot.local/x"])
-def test_what_no_host_header_can_be_is_refused_at_the_start(said: str) -> None:
-    result = CliRunner().invoke(serve, ["--allow-host", said])
+@pytest.mark.parametrize("name", ["http://robot.local", "*", "", "robot local", "robot.local/x"])
+def test_what_no_host_header_can_be_is_refused_at_the_start(name: str) -> None:
+    result = CliRunner().invoke(serve, ["--allow-host", name])
     assert result.exit_code == 2
     assert "--allow-host" in result.output
 

@@ -62,11 +62,11 @@ def test_the_page_has_all_keys_of_questions_and_answers() -> None:
     shown = {*re.findall(r"`(\w+)`", keys)}
     assert {*Found.model_fields, *Destination.model_fields, *Contents.model_fields} <= shown
     (places,) = re.findall(r"^\| `places` \| (.*)", answers, re.MULTILINE)
-    assert {one.name for one in fields(Place)} <= {*re.findall(r"`(\w+)`", places)}
+    assert {field.name for field in fields(Place)} <= {*re.findall(r"`(\w+)`", places)}
     (plan,) = re.findall(r"^\| `plan` \| (.*)", answers, re.MULTILINE)
-    assert {one.name for one in fields(Step)} == {*re.findall(r"`(\w+)`", plan)} - {"here"}
+    assert {field.name for field in fields(Step)} == {*re.findall(r"`(\w+)`", plan)} - {"here"}
     (things,) = re.findall(r"^\| `things` of `/find` \| (.*)", answers, re.MULTILINE)
-    names = {one.alias or name for name, one in Thing.model_fields.items()}
+    names = {field.alias or name for name, field in Thing.model_fields.items()}
     assert names == {*re.findall(r"`(\w+)`", things)}
 
 
