@@ -113,6 +113,15 @@ _GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_roo
 GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks", "now", "memory", "customs")
 
 
+_KEY_OF = {  # field of a part of a graph → its key in a document, if it has another name
+    "name": "id",
+    "room_index": "room",
+    "raw_category": "category",
+    "category": "corrected",
+    "class_index": "class",
+}
+
+
 class RobotGraphError(SourceError):
     """Report a malformed graph of a robot."""
 
@@ -516,74 +525,52 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
     `parse_robot_graph` reads it back, with the same class map or with the graph's class space.
     """
-    names = [None, *(room.name for room in graph.rooms)]
-    classes = [*graph.class_space.classes, None]
-    return {
+    rooms = [None, *(room.name for room in graph.rooms)]
+    classes = graph.class_space.classes
+    parts = {
+        name: [_encode(part, rooms, classes) for part in getattr(graph, name)]
+        for name in ("rooms", "objects", "looks", "memory", "customs")
+    }
+    document = {
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in _GRAPH_FACTS},
-        "rooms": [_encode_room(room) for room in graph.rooms],
-        "objects": [
-            {
-                "id": obj.name,
-                "room": names[obj.room_index],
-                "category": obj.raw_category,
-                "corrected": obj.category,
-                "class": classes[-1 if obj.class_index is None else obj.class_index],
-                "position": obj.position,
-                "score": obj.score,
-                **_only_said(on=obj.on, time=show_time(obj.time), stays=obj.stays),
-            }
-            for obj in graph.objects
-        ],
-        "adjacency": [[names[a], names[b]] for a, b in graph.adjacency],
-        **_only_said(
-            room_labels=dict(graph.room_labels) or None,
-            unread=[*graph.unread] or None,
-            looks=[_encode_look(look, names) for look in graph.looks] or None,
-            now=show_time(graph.now),
-            memory=[_encode_memory(thing, names) for thing in graph.memory] or None,
-            customs=[_encode_custom(custom, names) for custom in graph.customs] or None,
-            detector=None
-            if graph.detector is None
-            else {word: classes[-1 if c is None else c] for word, c in graph.detector},
-        ),
+        "rooms": parts.pop("rooms"),
+        "objects": parts.pop("objects"),
+        "adjacency": [[rooms[a], rooms[b]] for a, b in graph.adjacency],
+        "room_labels": dict(graph.room_labels) or None,
+        "unread": graph.unread or None,
+        "now": show_time(graph.now),
+        **{name: entries or None for name, entries in parts.items()},
     }
+    if graph.detector is not None:
+        document["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
+    return {key: value for key, value in document.items() if value is not None}
 
 
-def _only_said(**facts: Any) -> dict[str, Any]:
-    return {key: value for key, value in facts.items() if value is not None}
-
-
-def _encode_room(room: KnownRoom) -> dict[str, Any]:
-    facts = (name for name in (*_SHARE_WORDS, *_FACTS) if name not in ("unread", "time"))
-    return {
-        "id": room.name,
-        **{name: getattr(room, name) for name in facts},
-        "box": None if room.box is None else [room.box.minimum, room.box.maximum],
-        **_only_said(unread=[*room.unread] or None, time=show_time(room.time)),
-    }
-
-
-def _encode_look(look: Look, rooms: Sequence[str | None]) -> dict[str, Any]:
-    document = {"room": rooms[look.room_index], "thing": look.thing, "chance": look.chance}
-    return document | _only_said(at=look.at, time=show_time(look.time))
-
-
-def _encode_memory(thing: Remembered, rooms: Sequence[str | None]) -> dict[str, Any]:
-    return {
-        "id": thing.name,
-        "category": thing.raw_category,
-        **_only_said(score=thing.score),
-        "sightings": [
-            [show_time(seen.time), rooms[seen.room_index], seen.on] for seen in thing.sightings
-        ],
-    }
-
-
-def _encode_custom(custom: Custom, rooms: Sequence[str | None]) -> dict[str, Any]:
-    document = {"thing": custom.thing, "room": rooms[custom.room_index or 0], "at": custom.at}
-    return document | _only_said(never=custom.never or None)
+def _encode(
+    part: KnownRoom | SeenObject | Look | Remembered | Custom,
+    rooms: Sequence[str | None],
+    classes: Sequence[str],
+) -> dict[str, Any]:
+    """Return a part of a graph as a document has it: what is known, by names."""
+    entry: dict[str, Any] = {}
+    for field in fields(part):
+        key, value = _KEY_OF.get(field.name, field.name), getattr(part, field.name)
+        if value is None or value == ():
+            continue
+        if key == "room":
+            value = rooms[value]
+        elif key == "class":
+            value = classes[value]
+        elif key == "time":
+            value = show_time(value)
+        elif key == "box":
+            value = [value.minimum, value.maximum]
+        elif key == "sightings":
+            value = [[show_time(seen.time), rooms[seen.room_index], seen.on] for seen in value]
+        entry[key] = value
+    return entry
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:
