@@ -171,12 +171,12 @@ def _lift(rooms: list[Any]) -> list[Any]:
     for room in rooms:
         if not isinstance(room, dict) or "objects" not in room:
             continue
-        held, where = room.pop("objects"), str(room.get("id"))[:SHOWN]
-        if not isinstance(held, list):
+        things, where = room.pop("objects"), str(room.get("id"))[:SHOWN]
+        if not isinstance(things, list):
             raise RecipeError(f"room {where!r}: objects: expected a JSON list, such as {FORM}")
-        require_few(len(lifted) + len(held), MAX_ROBOT_OBJECTS, "things")
-        room.setdefault("visited", bool(held))
-        for number, thing in enumerate(held):
+        require_few(len(lifted) + len(things), MAX_ROBOT_OBJECTS, "things")
+        room.setdefault("visited", bool(things))
+        for number, thing in enumerate(things):
             if not isinstance(thing, str | dict):
                 form = 'expected a thing, such as "sink" or {"category": "sink"}'
                 raise RecipeError(f"{where}.{number}: {form}, found {show_value(thing)}")

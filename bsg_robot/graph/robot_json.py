@@ -1,32 +1,8 @@
-"""Read and write a robot's partial graph as plain JSON.
-
-    {
-      "format": "bsg-partial-graph", "version": 1,
-      "scene_id": "office", "building_kind": "office", "source": null,
-      "rooms": [
-        {"id": "kitchen", "visited": true, "hidden_share": 0.5, "hidden_share_sd": 0.2,
-         "label": null, "position": [2.0, 1.5, 0.0], "floor_area": 9.5,
-         "room_type": {"kitchen": 0.7, "dining room": 0.3}},
-        {"id": "hall", "visited": false, "room_type": "corridor"}
-      ],
-      "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null},
-                  {"id": "8", "room": "kitchen", "category": "milk", "on": "7"}],
-      "adjacency": [["kitchen", "hall"]],
-      "detector": ["fridge", "chair", "cup"],
-      "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3,
-      "customs": [{"thing": "drinks", "room": "kitchen", "at": "7"}],
-      "now": "2026-11-28T08:30:00Z"
-    }
-
-With a clock (`now`), rooms, objects and looks have a `time`, and `memory` has where things were.
+"""Read and write a robot's partial graph as plain JSON: docs/belief.md describes the format.
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
-gives its class. By default the hidden share is 1 for a room that was not visited, and vague
-(`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
-`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
-docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
-
-`bsg_robot.graph.map_forms` has the other forms that are read, as room → the things seen there.
+gives its class. A room's fields are those of `KnownRoom`. `bsg_robot.graph.map_forms` has the other
+forms that are read, as room → the things seen there.
 """
 
 from __future__ import annotations
@@ -290,7 +266,6 @@ def read_robot_graph(
     path: AnyPath,
     *,
     class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
-    room_labels: OwnLabels = (),
 ) -> PartialGraph:
     """Read a partial graph from a JSON file.
 
@@ -300,15 +275,13 @@ def read_robot_graph(
     Args:
         path: the file.
         class_map: a published version, the path of your own NAME.csv, or a loaded map.
-        room_labels: your words for rooms, each with its label, as `read_room_words` reads them;
-            they count before those of the file.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
     """
     path = Path(path)
     document = read_json(path, ROBOT, error=RobotGraphError)
-    return parse_robot_graph(document, path=path, class_map=class_map, room_labels=room_labels)
+    return parse_robot_graph(document, path=path, class_map=class_map)
 
 
 def parse_robot_graph(
@@ -321,7 +294,8 @@ def parse_robot_graph(
     """Return the partial graph in a robot's JSON document; see `read_robot_graph`.
 
     With a class space, the document itself has the class of every object: one that
-    `encode_robot_graph` made.
+    `encode_robot_graph` made. `room_labels` are a user's words for rooms, which count before those
+    of the document.
     """
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
     ours: Any = {}
