@@ -26,7 +26,7 @@ from bsg_data.scene.room_label import label_of
 from bsg_data.words.shown import SHOWN, show_value
 
 FORM = '{"kitchen": ["sink"], "hall": []}'
-FACTS_OF_MAPS = ("more_rooms", "building_kind")
+_FACTS_OF_MAPS = ("more_rooms", "building_kind")
 _LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
 _DEPTH = 6  # levels of a document that can hold a value of NumPy
 # Kind of entry → key of others → the first of ours that is not said.
@@ -65,7 +65,7 @@ def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
     """
     plain = open_belief(_make_plain(said))
     # Beside its rooms, the simplest map may state these; a list is a room of this name.
-    facts = {k: plain[k] for k in FACTS_OF_MAPS if k in plain and not isinstance(plain[k], list)}
+    facts = {k: plain[k] for k in _FACTS_OF_MAPS if k in plain and not isinstance(plain[k], list)}
     rooms: Any = {key: plain[key] for key in plain if key not in facts}
     ours, document = rooms.keys() & keys, drop_empty(facts)
     is_map = not rooms.keys() <= _LISTS and all(

@@ -86,6 +86,7 @@ _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
 OBJECT_WORDS = ("id", "category", "position", "score", "time", "age", "stays", "on")
 _GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
+_PLAIN_FACTS = ("scene_id", "rooms", "building_kind", "source", "more_rooms", "stays", "unread")
 GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks", "now", "memory", "customs")
 
 
@@ -324,43 +325,42 @@ def _assemble(document: Mapping[str, Any], by: ClassMap | ClassSpace) -> Partial
     _number([thing.id for thing in record.memory], "remembered thing's")
     room_of = {obj.id: obj.room for obj in record.objects}
     _require_support({obj.id: obj.on for obj in record.objects if obj.on is not None}, room_of)
-    objects = []
-    for obj in record.objects:
-        called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
-        room = _find(obj.room, index, called) if obj.room is not None else 0
-        meaning = _classify(obj.category, obj.corrected, obj.class_name, by)
-        time = say_time(called, obj.time, age=obj.age, now=record.now)
-        facts = (obj.id, room, obj.category, *meaning, obj.position, obj.score)
-        objects.append(SeenObject(*facts, on=obj.on, time=time, stays=obj.stays))
-    looks = tuple(_read_look(look, index, room_of) for look in record.looks)
-    share = record.hidden_share
     graph = PartialGraph(
-        scene_id=record.scene_id,
         class_space=by.space if isinstance(by, ClassMap) else by,
-        hidden_share=VAGUE.mean if share is None else share,
-        rooms=rooms,
-        objects=tuple(objects),
+        hidden_share=VAGUE.mean if record.hidden_share is None else record.hidden_share,
+        objects=tuple([_read_object(obj, index, by, record.now) for obj in record.objects]),
+        looks=tuple(_read_look(look, index, room_of) for look in record.looks),
         adjacency=tuple(sorted({_connect(ends, index) for ends in record.adjacency})),
-        building_kind=record.building_kind,
-        source=record.source,
-        looks=looks,
-        more_rooms=record.more_rooms,
-        stays=record.stays,
         memory=tuple(_read_memory(thing, index) for thing in record.memory),
         customs=tuple(dict.fromkeys(_read_custom(custom, index) for custom in record.customs)),
         room_labels=tuple(record.room_labels.items()),
-        unread=record.unread,
-        detector=None
-        if record.detector is None
-        else tuple(
-            (word, _classify(word, None, stated, by)[1]) for word, stated in record.detector.items()
-        ),
+        detector=_read_detector(record.detector, by),
+        **{name: getattr(record, name) for name in _PLAIN_FACTS},
     )
     graph = start_clock(graph, record.now)
-    if share is None and rooms:
+    if record.hidden_share is None and rooms:
         mean = float(np.mean([room.hidden_share for room in graph.rooms]))
         graph = replace(graph, hidden_share=mean)
     return graph
+
+
+def _read_object(
+    obj: _Object, index: Mapping[str, int], by: ClassMap | ClassSpace, now: float | None
+) -> SeenObject:
+    where = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
+    room = _find(obj.room, index, where) if obj.room is not None else 0
+    meaning = _classify(obj.category, obj.corrected, obj.class_name, by)
+    time = say_time(where, obj.time, age=obj.age, now=now)
+    facts = (obj.id, room, obj.category, *meaning, obj.position, obj.score)
+    return SeenObject(*facts, on=obj.on, time=time, stays=obj.stays)
+
+
+def _read_detector(
+    words: Mapping[str, str | None] | None, by: ClassMap | ClassSpace
+) -> tuple[tuple[str, int | None], ...] | None:
+    if words is None:
+        return None
+    return tuple((word, _classify(word, None, stated, by)[1]) for word, stated in words.items())
 
 
 def _read_look(look: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:
