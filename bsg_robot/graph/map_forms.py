@@ -63,31 +63,37 @@ def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
     Raises:
         RecipeError: for what is no map; it shows one.
     """
-    plain = open_belief(_make_plain(said))
-    # Beside its rooms, the simplest map may state these; a list is a room of this name.
-    facts = {k: plain[k] for k in _FACTS_OF_MAPS if k in plain and not isinstance(plain[k], list)}
-    rooms: Any = {key: plain[key] for key in plain if key not in facts}
-    ours, document = rooms.keys() & keys, drop_empty(facts)
-    is_map = not rooms.keys() <= _LISTS and all(
-        _lists_words(value) and (value or key not in _LISTS) for key, value in rooms.items()
+    document = _find_rooms(open_belief(_make_plain(said)), keys)
+    rooms, objects, looks = (
+        document.get("rooms"),
+        document.get("objects", []),
+        document.get("looks"),
     )
-    if ours and not is_map:
-        document = _rename(drop_empty(plain), "")
-        rooms = document.get("rooms")
     if isinstance(rooms, dict):
         rooms = _list_rooms(rooms)
-    objects = document.get("objects", [])
     if isinstance(rooms, list):
         rooms = [_tidy(room, "rooms") for room in rooms]
         if lifted := _lift(rooms):
             objects = [*lifted, *objects] if isinstance(objects, list) else objects
-        document = document | {"rooms": rooms}
+        document["rooms"] = rooms
     if isinstance(objects, list):
         objects = _number([_tidy(obj, "objects") for obj in objects])
-    looks = document.get("looks")
     if isinstance(looks, list):
-        document = document | {"looks": [_tidy(look, "looks") for look in looks]}
+        document["looks"] = [_tidy(look, "looks") for look in looks]
     return {"scene_id": path.name.partition(".")[0] or path.name} | document | {"objects": objects}
+
+
+def _find_rooms(said: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
+    """Return a document as it is, or one of the rooms of the simplest map."""
+    # Beside its rooms, the simplest map may state these; a list is a room of this name.
+    facts = {k: said[k] for k in _FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
+    rooms = {key: said[key] for key in said if key not in facts}
+    is_map = not rooms.keys() <= _LISTS and all(
+        _lists_words(value) and (value or key not in _LISTS) for key, value in rooms.items()
+    )
+    if rooms.keys() & keys and not is_map:
+        return _rename(drop_empty(said), "")
+    return drop_empty(facts) | {"rooms": rooms}
 
 
 def open_belief(document: Any) -> dict[str, Any]:

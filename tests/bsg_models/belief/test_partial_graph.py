@@ -146,6 +146,8 @@ def test_a_new_room_is_the_last_and_beside_others() -> None:
     assert graph.hidden_share == pytest.approx((2 * 0.5 + 1) / 3)
     with refuses(RecipeError, "room-known", where="a"):
         discover(GRAPH, KnownRoom("a", 1.0))
+    with refuses(RecipeError, "room-beside-itself", "a"):
+        describe(GRAPH, 1, GRAPH.rooms[0], beside=[1])
 
 
 # Looks, scores, and sightings of the same thing
@@ -164,14 +166,6 @@ def test_looks_of_one_thing_in_one_room_become_one() -> None:
         graph = look(graph, Look(1, "mug", 0.8))
     assert graph.looks[-1].chance < 1
     assert look(graph, Look(1, "mug", 1.0)).looks[-1].chance == 1
-
-
-def test_what_is_found_in_a_searched_room_is_sure_and_all_else_is_gone() -> None:
-    graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=0.2))
-    graph = look(see_object(graph, seen("y", 1, "bed")), Look(1, "sink", 0.8))
-    graph = find_all(graph, 1, ["x"])
-    assert [(o.name, o.score) for o in graph.objects if o.room_index == 1] == [("x", None)]
-    assert (graph.looks, graph.rooms[0].hidden_share) == ((), 0)
 
 
 def test_models_read_what_is_probably_there() -> None:
@@ -194,12 +188,3 @@ def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
     bed = replace(new, class_index=CLASS["bed"], raw_category="bed", category="bed")
     assert find_near(graph, bed, within=0.5) == GRAPH.objects[0], "of which no position is known"
     assert find_near(graph, replace(new, position=None), within=0.5) == near
-
-
-def test_more_is_learned_of_a_room() -> None:
-    room = replace(GRAPH.rooms[0], floor_area=7.0)
-    graph = describe(GRAPH, 1, room, beside=[2])
-    assert graph.rooms[0].floor_area == 7.0
-    assert (1, 2) in graph.adjacency
-    with refuses(RecipeError, "room-beside-itself", "a"):
-        describe(GRAPH, 1, room, beside=[1])
