@@ -222,20 +222,20 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
     spaces = graph.metadata.labelspaces if graph.metadata else {}
     names = {space: dict(labels) for space, labels in spaces.items()}
     for node, index in zip(nodes, indices, strict=True):
-        held = node.attributes
-        label = None if held.semantic_label == _NO_LABEL else held.semantic_label
+        attributes = node.attributes
+        label = None if attributes.semantic_label == _NO_LABEL else attributes.semantic_label
         named = names.get(f"_l{node.layer}p{node.partition}", {})
-        name = held.name.strip()
+        name = attributes.name.strip()
         yield DSGNode(
             id=node.id,
             index=index,
             name=None if _SYMBOL.fullmatch(name) or not name else name,
             label=label,
             label_name=None if label is None else named.get(label) or None,
-            position=_point(held.position),
-            box=None if held.bounding_box is None else _enclose(held.bounding_box),
+            position=_point(attributes.position),
+            box=None if attributes.bounding_box is None else _enclose(attributes.bounding_box),
             room=room_of.get(node.id),
-            bsg=_as_mapping((held.metadata or {}).get("bsg")),
+            bsg=_as_mapping((attributes.metadata or {}).get("bsg")),
         )
 
 

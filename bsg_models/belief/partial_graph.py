@@ -46,7 +46,7 @@ from bsg_models.belief.hidden_share import ShareBelief
 MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
 LOOK_CHANCE = 0.8  # P(a look finds a thing that is there), if the robot does not say
 EVIDENCE_SCORE = 0.5  # models read objects that are there with at least this probability
-MOST_MORE_ROOMS = 100
+_MOST_MORE_ROOMS = 100
 _MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 
 
@@ -72,9 +72,9 @@ def check_more_rooms(value: object) -> int | None:
     if value is None or value is True:
         return value
     number = 0 if value is False else _plain(value)
-    if not isinstance(number, int) or not 0 <= number <= MOST_MORE_ROOMS:
+    if not isinstance(number, int) or not 0 <= number <= _MOST_MORE_ROOMS:
         raise RecipeError(
-            f"more_rooms: expected true or a whole number of 0 to {MOST_MORE_ROOMS:,}, found "
+            f"more_rooms: expected true or a whole number of 0 to {_MOST_MORE_ROOMS:,}, found "
             f"{show_value(value)}",
             code="more-rooms-impossible",
         )

@@ -123,7 +123,7 @@ def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str,
         rooms[room["id"]] = number
         yield 0, {"kind": "room", **room}
     for obj in partial["objects"]:
-        yield rooms[obj["room"]], {"kind": "object", **obj}
+        yield rooms[obj.get("room")], {"kind": "object", **obj}
     for node in document["blind"]:
         yield node["room"], {"kind": "blind", **{key: node[key] for key in node if key != "room"}}
 

@@ -102,8 +102,8 @@ def _parse_hydra(
     space = None if labels is None else load_label_space(labels)
     dsg = parse_dsg(document, path=path)
     name = _name_scene(find_belief(document), path)
-    said = {"scene_id": name, **describe_hydra(dsg, space, path)}
-    graph = parse_robot_graph(said, path=path, room_labels=room_labels)
+    ours = {"scene_id": name, **describe_hydra(dsg, space, path)}
+    graph = parse_robot_graph(ours, path=path, room_labels=room_labels)
     return GraphFile(path, graph, document, tuple(note_hydra(dsg, space)))
 
 

@@ -26,7 +26,7 @@ from bsg_data.scene.room_label import label_of
 from bsg_data.words.shown import SHOWN, show_value
 
 FORM = '{"kitchen": ["sink"], "hall": []}'
-FACTS_OF_MAPS = ("more_rooms", "building_kind")
+_FACTS_OF_MAPS = ("more_rooms", "building_kind")
 _LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
 _DEPTH = 6  # levels of a document that can hold a value of NumPy
 # Kind of entry → key of others → the first of ours that is not said.
@@ -63,31 +63,37 @@ def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
     Raises:
         RecipeError: for what is no map; it shows one.
     """
-    plain = open_belief(_make_plain(said))
-    # Beside its rooms, the simplest map may state these; a list is a room of this name.
-    facts = {k: plain[k] for k in FACTS_OF_MAPS if k in plain and not isinstance(plain[k], list)}
-    rooms: Any = {key: plain[key] for key in plain if key not in facts}
-    ours, document = rooms.keys() & keys, drop_empty(facts)
-    is_map = not rooms.keys() <= _LISTS and all(
-        _lists_words(value) and (value or key not in _LISTS) for key, value in rooms.items()
+    document = _find_rooms(open_belief(_make_plain(said)), keys)
+    rooms, objects, looks = (
+        document.get("rooms"),
+        document.get("objects", []),
+        document.get("looks"),
     )
-    if ours and not is_map:
-        document = _rename(drop_empty(plain), "")
-        rooms = document.get("rooms")
     if isinstance(rooms, dict):
         rooms = _list_rooms(rooms)
-    objects = document.get("objects", [])
     if isinstance(rooms, list):
         rooms = [_tidy(room, "rooms") for room in rooms]
         if lifted := _lift(rooms):
             objects = [*lifted, *objects] if isinstance(objects, list) else objects
-        document = document | {"rooms": rooms}
+        document["rooms"] = rooms
     if isinstance(objects, list):
         objects = _number([_tidy(obj, "objects") for obj in objects])
-    looks = document.get("looks")
     if isinstance(looks, list):
-        document = document | {"looks": [_tidy(look, "looks") for look in looks]}
+        document["looks"] = [_tidy(look, "looks") for look in looks]
     return {"scene_id": path.name.partition(".")[0] or path.name} | document | {"objects": objects}
+
+
+def _find_rooms(said: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
+    """Return a document as it is, or one of the rooms of the simplest map."""
+    # Beside its rooms, the simplest map may state these; a list is a room of this name.
+    facts = {k: said[k] for k in _FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
+    rooms = {key: said[key] for key in said if key not in facts}
+    is_map = not rooms.keys() <= _LISTS and all(
+        _lists_words(value) and (value or key not in _LISTS) for key, value in rooms.items()
+    )
+    if rooms.keys() & keys and not is_map:
+        return _rename(drop_empty(said), "")
+    return drop_empty(facts) | {"rooms": rooms}
 
 
 def open_belief(document: Any) -> dict[str, Any]:
@@ -171,12 +177,12 @@ def _lift(rooms: list[Any]) -> list[Any]:
     for room in rooms:
         if not isinstance(room, dict) or "objects" not in room:
             continue
-        held, where = room.pop("objects"), str(room.get("id"))[:SHOWN]
-        if not isinstance(held, list):
+        things, where = room.pop("objects"), str(room.get("id"))[:SHOWN]
+        if not isinstance(things, list):
             raise RecipeError(f"room {where!r}: objects: expected a JSON list, such as {FORM}")
-        require_few(len(lifted) + len(held), MAX_ROBOT_OBJECTS, "things")
-        room.setdefault("visited", bool(held))
-        for number, thing in enumerate(held):
+        require_few(len(lifted) + len(things), MAX_ROBOT_OBJECTS, "things")
+        room.setdefault("visited", bool(things))
+        for number, thing in enumerate(things):
             if not isinstance(thing, str | dict):
                 form = 'expected a thing, such as "sink" or {"category": "sink"}'
                 raise RecipeError(f"{where}.{number}: {form}, found {show_value(thing)}")

@@ -1,32 +1,8 @@
-"""Read and write a robot's partial graph as plain JSON.
-
-    {
-      "format": "bsg-partial-graph", "version": 1,
-      "scene_id": "office", "building_kind": "office", "source": null,
-      "rooms": [
-        {"id": "kitchen", "visited": true, "hidden_share": 0.5, "hidden_share_sd": 0.2,
-         "label": null, "position": [2.0, 1.5, 0.0], "floor_area": 9.5,
-         "room_type": {"kitchen": 0.7, "dining room": 0.3}},
-        {"id": "hall", "visited": false, "room_type": "corridor"}
-      ],
-      "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null},
-                  {"id": "8", "room": "kitchen", "category": "milk", "on": "7"}],
-      "adjacency": [["kitchen", "hall"]],
-      "detector": ["fridge", "chair", "cup"],
-      "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3,
-      "customs": [{"thing": "drinks", "room": "kitchen", "at": "7"}],
-      "now": "2026-11-28T08:30:00Z"
-    }
-
-With a clock (`now`), rooms, objects and looks have a `time`, and `memory` has where things were.
+"""Read and write a robot's partial graph as plain JSON: docs/belief.md describes the format.
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
-gives its class. By default the hidden share is 1 for a room that was not visited, and vague
-(`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
-`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
-docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
-
-`bsg_robot.graph.map_forms` has the other forms that are read, as room → the things seen there.
+gives its class. A room's fields are those of `KnownRoom`. `bsg_robot.graph.map_forms` has the other
+forms that are read, as room → the things seen there.
 """
 
 from __future__ import annotations
@@ -110,7 +86,17 @@ _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
 OBJECT_WORDS = ("id", "category", "position", "score", "time", "age", "stays", "on")
 _GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
+_PLAIN_FACTS = ("scene_id", "rooms", "building_kind", "source", "more_rooms", "stays", "unread")
 GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks", "now", "memory", "customs")
+
+
+_KEY_OF = {  # field of a part of a graph → its key in a document, if it has another name
+    "name": "id",
+    "room_index": "room",
+    "raw_category": "category",
+    "category": "corrected",
+    "class_index": "class",
+}
 
 
 class RobotGraphError(SourceError):
@@ -281,7 +267,6 @@ def read_robot_graph(
     path: AnyPath,
     *,
     class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
-    room_labels: OwnLabels = (),
 ) -> PartialGraph:
     """Read a partial graph from a JSON file.
 
@@ -291,15 +276,13 @@ def read_robot_graph(
     Args:
         path: the file.
         class_map: a published version, the path of your own NAME.csv, or a loaded map.
-        room_labels: your words for rooms, each with its label, as `read_room_words` reads them;
-            they count before those of the file.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
     """
     path = Path(path)
     document = read_json(path, ROBOT, error=RobotGraphError)
-    return parse_robot_graph(document, path=path, class_map=class_map, room_labels=room_labels)
+    return parse_robot_graph(document, path=path, class_map=class_map)
 
 
 def parse_robot_graph(
@@ -312,7 +295,8 @@ def parse_robot_graph(
     """Return the partial graph in a robot's JSON document; see `read_robot_graph`.
 
     With a class space, the document itself has the class of every object: one that
-    `encode_robot_graph` made.
+    `encode_robot_graph` made. `room_labels` are a user's words for rooms, which count before those
+    of the document.
     """
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
     ours: Any = {}
@@ -341,43 +325,42 @@ def _assemble(document: Mapping[str, Any], by: ClassMap | ClassSpace) -> Partial
     _number([thing.id for thing in record.memory], "remembered thing's")
     room_of = {obj.id: obj.room for obj in record.objects}
     _require_support({obj.id: obj.on for obj in record.objects if obj.on is not None}, room_of)
-    objects = []
-    for obj in record.objects:
-        called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
-        room = _find(obj.room, index, called) if obj.room is not None else 0
-        meaning = _classify(obj.category, obj.corrected, obj.class_name, by)
-        time = say_time(called, obj.time, age=obj.age, now=record.now)
-        facts = (obj.id, room, obj.category, *meaning, obj.position, obj.score)
-        objects.append(SeenObject(*facts, on=obj.on, time=time, stays=obj.stays))
-    looks = tuple(_read_look(look, index, room_of) for look in record.looks)
-    share = record.hidden_share
     graph = PartialGraph(
-        scene_id=record.scene_id,
         class_space=by.space if isinstance(by, ClassMap) else by,
-        hidden_share=VAGUE.mean if share is None else share,
-        rooms=rooms,
-        objects=tuple(objects),
+        hidden_share=VAGUE.mean if record.hidden_share is None else record.hidden_share,
+        objects=tuple([_read_object(obj, index, by, record.now) for obj in record.objects]),
+        looks=tuple(_read_look(look, index, room_of) for look in record.looks),
         adjacency=tuple(sorted({_connect(ends, index) for ends in record.adjacency})),
-        building_kind=record.building_kind,
-        source=record.source,
-        looks=looks,
-        more_rooms=record.more_rooms,
-        stays=record.stays,
         memory=tuple(_read_memory(thing, index) for thing in record.memory),
         customs=tuple(dict.fromkeys(_read_custom(custom, index) for custom in record.customs)),
         room_labels=tuple(record.room_labels.items()),
-        unread=record.unread,
-        detector=None
-        if record.detector is None
-        else tuple(
-            (word, _classify(word, None, stated, by)[1]) for word, stated in record.detector.items()
-        ),
+        detector=_read_detector(record.detector, by),
+        **{name: getattr(record, name) for name in _PLAIN_FACTS},
     )
     graph = start_clock(graph, record.now)
-    if share is None and rooms:
+    if record.hidden_share is None and rooms:
         mean = float(np.mean([room.hidden_share for room in graph.rooms]))
         graph = replace(graph, hidden_share=mean)
     return graph
+
+
+def _read_object(
+    obj: _Object, index: Mapping[str, int], by: ClassMap | ClassSpace, now: float | None
+) -> SeenObject:
+    where = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
+    room = _find(obj.room, index, where) if obj.room is not None else 0
+    meaning = _classify(obj.category, obj.corrected, obj.class_name, by)
+    time = say_time(where, obj.time, age=obj.age, now=now)
+    facts = (obj.id, room, obj.category, *meaning, obj.position, obj.score)
+    return SeenObject(*facts, on=obj.on, time=time, stays=obj.stays)
+
+
+def _read_detector(
+    words: Mapping[str, str | None] | None, by: ClassMap | ClassSpace
+) -> tuple[tuple[str, int | None], ...] | None:
+    if words is None:
+        return None
+    return tuple((word, _classify(word, None, stated, by)[1]) for word, stated in words.items())
 
 
 def _read_look(look: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:
@@ -516,74 +499,52 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
     `parse_robot_graph` reads it back, with the same class map or with the graph's class space.
     """
-    names = [None, *(room.name for room in graph.rooms)]
-    classes = [*graph.class_space.classes, None]
-    return {
+    rooms = [None, *(room.name for room in graph.rooms)]
+    classes = graph.class_space.classes
+    parts = {
+        name: [_encode(part, rooms, classes) for part in getattr(graph, name)]
+        for name in ("rooms", "objects", "looks", "memory", "customs")
+    }
+    document = {
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in _GRAPH_FACTS},
-        "rooms": [_encode_room(room) for room in graph.rooms],
-        "objects": [
-            {
-                "id": obj.name,
-                "room": names[obj.room_index],
-                "category": obj.raw_category,
-                "corrected": obj.category,
-                "class": classes[-1 if obj.class_index is None else obj.class_index],
-                "position": obj.position,
-                "score": obj.score,
-                **_only_said(on=obj.on, time=show_time(obj.time), stays=obj.stays),
-            }
-            for obj in graph.objects
-        ],
-        "adjacency": [[names[a], names[b]] for a, b in graph.adjacency],
-        **_only_said(
-            room_labels=dict(graph.room_labels) or None,
-            unread=[*graph.unread] or None,
-            looks=[_encode_look(look, names) for look in graph.looks] or None,
-            now=show_time(graph.now),
-            memory=[_encode_memory(thing, names) for thing in graph.memory] or None,
-            customs=[_encode_custom(custom, names) for custom in graph.customs] or None,
-            detector=None
-            if graph.detector is None
-            else {word: classes[-1 if c is None else c] for word, c in graph.detector},
-        ),
+        "rooms": parts.pop("rooms"),
+        "objects": parts.pop("objects"),
+        "adjacency": [[rooms[a], rooms[b]] for a, b in graph.adjacency],
+        "room_labels": dict(graph.room_labels) or None,
+        "unread": graph.unread or None,
+        "now": show_time(graph.now),
+        **{name: entries or None for name, entries in parts.items()},
     }
+    if graph.detector is not None:
+        document["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
+    return {key: value for key, value in document.items() if value is not None}
 
 
-def _only_said(**facts: Any) -> dict[str, Any]:
-    return {key: value for key, value in facts.items() if value is not None}
-
-
-def _encode_room(room: KnownRoom) -> dict[str, Any]:
-    facts = (name for name in (*_SHARE_WORDS, *_FACTS) if name not in ("unread", "time"))
-    return {
-        "id": room.name,
-        **{name: getattr(room, name) for name in facts},
-        "box": None if room.box is None else [room.box.minimum, room.box.maximum],
-        **_only_said(unread=[*room.unread] or None, time=show_time(room.time)),
-    }
-
-
-def _encode_look(look: Look, rooms: Sequence[str | None]) -> dict[str, Any]:
-    document = {"room": rooms[look.room_index], "thing": look.thing, "chance": look.chance}
-    return document | _only_said(at=look.at, time=show_time(look.time))
-
-
-def _encode_memory(thing: Remembered, rooms: Sequence[str | None]) -> dict[str, Any]:
-    return {
-        "id": thing.name,
-        "category": thing.raw_category,
-        **_only_said(score=thing.score),
-        "sightings": [
-            [show_time(seen.time), rooms[seen.room_index], seen.on] for seen in thing.sightings
-        ],
-    }
-
-
-def _encode_custom(custom: Custom, rooms: Sequence[str | None]) -> dict[str, Any]:
-    document = {"thing": custom.thing, "room": rooms[custom.room_index or 0], "at": custom.at}
-    return document | _only_said(never=custom.never or None)
+def _encode(
+    part: KnownRoom | SeenObject | Look | Remembered | Custom,
+    rooms: Sequence[str | None],
+    classes: Sequence[str],
+) -> dict[str, Any]:
+    """Return a part of a graph as a document has it: what is known, by names."""
+    entry: dict[str, Any] = {}
+    for field in fields(part):
+        key, value = _KEY_OF.get(field.name, field.name), getattr(part, field.name)
+        if value is None or value == ():
+            continue
+        if key == "room":
+            value = rooms[value]
+        elif key == "class":
+            value = classes[value]
+        elif key == "time":
+            value = show_time(value)
+        elif key == "box":
+            value = [value.minimum, value.maximum]
+        elif key == "sightings":
+            value = [[show_time(seen.time), rooms[seen.room_index], seen.on] for seen in value]
+        entry[key] = value
+    return entry
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -197,28 +196,6 @@ def test_a_belief_is_recorded(tmp_path: Path) -> None:
         rooms = [partial.rooms[one.room_index - 1].name for one in blind]
         assert found.get(f"{entity} room", [[]]) == [rooms]
     assert len(found["world/adjacency strips"][0]) == len(partial.adjacency)
-
-
-def test_rooms_that_nobody_placed_stand_beside_the_others(tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-    placed = KnownRoom("placed", 0.5, position=(3.0, 4.0, 1.0))
-    rooms = (placed, *(KnownRoom(f"loose {k}", 0.5) for k in range(3)))
-    belief = make_belief(0)
-    partial = replace(belief.partial, rooms=rooms, objects=(), adjacency=())
-    blind = tuple(replace(belief.blind[0], room_index=1 + k % 4) for k in range(20))
-    none = np.zeros((5, belief.expected.shape[1]))
-    changed = replace(belief, partial=partial, blind=blind, expected=none, presence=none)
-    write("rerun", [changed], tmp_path / "b.rrd")
-    found = read_recording(tmp_path / "b.rrd")
-    centres = [found[f"world/rooms/{room.name} centers"][0][0] for room in rooms]
-    assert centres[0] == pytest.approx((3.0, 4.0, 2.25))
-    assert all(centre[0] > 3.0 + 2.4 for centre in centres[1:])
-    for a, b in pairwise(sorted(centres)):
-        assert max(abs(p - q) for p, q in zip(a, b, strict=True)) >= 2.4 - CLOSE
-    name = partial.class_space.classes[blind[0].class_index]
-    for one, spot in zip(blind, found[f"world/blind/{name} centers"][0], strict=True):
-        gap = np.abs(np.subtract(spot, centres[one.room_index - 1]))
-        assert (gap <= (1.2, 1.2, 1.25 + CLOSE)).all(), "it is in its room"
 
 
 def test_several_graphs_are_steps_of_one_recording(run: Path, tmp_path: Path) -> None:

@@ -86,15 +86,6 @@ def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
         GRAPH.observation(withheld=where[1:])
 
 
-def test_nothing_is_withheld_in_a_searched_room() -> None:
-    after = find_all(see_object(GRAPH, seen("5", 2, "sink")), 2, ["5"])
-    bed = CLASS["bed"]
-    assert after.observation(withheld=[bed]).withheld[:, bed].tolist() == [True, True, False]
-    both = find_all(after, 1, ["1"])
-    assert both.hidden_share == 0
-    assert not both.observation(withheld=[bed]).withheld.any()
-
-
 def test_a_searched_room_hides_nothing() -> None:
     more = see_object(see_object(GRAPH, seen("5", 2, "sink")), seen("6", 2, "toilet"))
     after = find_all(more, 2, ["5", "6"])
@@ -104,6 +95,11 @@ def test_a_searched_room_hides_nothing() -> None:
     assert after.histograms()[1].tolist() == GRAPH.histograms()[1].tolist()
     again = find_all(after, 2, ["5"])
     assert again.histograms()[2].sum() == 1  # what is seen now replaces what was
+    bed = CLASS["bed"]  # withheld, but not where all was searched
+    assert after.observation(withheld=[bed]).withheld[:, bed].tolist() == [True, True, False]
+    both = find_all(after, 1, ["1"])
+    assert both.hidden_share == 0
+    assert not both.observation(withheld=[bed]).withheld.any()
 
 
 def test_the_share_of_a_building_moves_with_its_rooms() -> None:
@@ -150,6 +146,8 @@ def test_a_new_room_is_the_last_and_beside_others() -> None:
     assert graph.hidden_share == pytest.approx((2 * 0.5 + 1) / 3)
     with refuses(RecipeError, "room-known", where="a"):
         discover(GRAPH, KnownRoom("a", 1.0))
+    with refuses(RecipeError, "room-beside-itself", "a"):
+        describe(GRAPH, 1, GRAPH.rooms[0], beside=[1])
 
 
 # Looks, scores, and sightings of the same thing
@@ -168,14 +166,6 @@ def test_looks_of_one_thing_in_one_room_become_one() -> None:
         graph = look(graph, Look(1, "mug", 0.8))
     assert graph.looks[-1].chance < 1
     assert look(graph, Look(1, "mug", 1.0)).looks[-1].chance == 1
-
-
-def test_what_is_found_in_a_searched_room_is_sure_and_all_else_is_gone() -> None:
-    graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=0.2))
-    graph = look(see_object(graph, seen("y", 1, "bed")), Look(1, "sink", 0.8))
-    graph = find_all(graph, 1, ["x"])
-    assert [(o.name, o.score) for o in graph.objects if o.room_index == 1] == [("x", None)]
-    assert (graph.looks, graph.rooms[0].hidden_share) == ((), 0)
 
 
 def test_models_read_what_is_probably_there() -> None:
@@ -198,12 +188,3 @@ def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
     bed = replace(new, class_index=CLASS["bed"], raw_category="bed", category="bed")
     assert find_near(graph, bed, within=0.5) == GRAPH.objects[0], "of which no position is known"
     assert find_near(graph, replace(new, position=None), within=0.5) == near
-
-
-def test_more_is_learned_of_a_room() -> None:
-    room = replace(GRAPH.rooms[0], floor_area=7.0)
-    graph = describe(GRAPH, 1, room, beside=[2])
-    assert graph.rooms[0].floor_area == 7.0
-    assert (1, 2) in graph.adjacency
-    with refuses(RecipeError, "room-beside-itself", "a"):
-        describe(GRAPH, 1, room, beside=[1])

@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_SOUGHT
 from bsg_models.belief.clock import DAY, HOUR
-from bsg_models.belief.partial_graph import PartialGraph, Remembered, Sighting
 from bsg_robot import SeenBuilding, open_graph
 from bsg_robot.graph import memory
-from bsg_robot.graph.robot_json import (
-    RobotGraphError,
-    encode_robot_graph,
-    parse_robot_graph,
-)
+from bsg_robot.graph.robot_json import RobotGraphError
 
 NOW = 1_795_867_200.0  # seconds: a noon
 HOME: dict[str, Any] = {
@@ -213,36 +203,3 @@ def test_what_is_odd_but_may_be_is_read() -> None:
         "what people say of what nobody has a word for is ignored: 'zzqx'",
         "people keep things at furniture that was not seen yet: 'cabinet'",
     ]
-
-
-# Any graph, written and read back
-
-times = st.floats(NOW - 1e8, NOW).map(lambda time: round(time, 6))
-names = st.text(min_size=1, max_size=5)
-rooms = st.integers(0, 2)
-sightings = st.builds(Sighting, times, rooms, st.none() | names)
-things = st.builds(
-    Remembered,
-    names,
-    names,
-    st.lists(sightings, min_size=1, max_size=5).map(
-        lambda some: tuple(sorted(some, key=lambda one: one.time))
-    ),
-)
-
-
-@settings(max_examples=50)
-@given(
-    st.lists(things, max_size=4, unique_by=lambda one: one.name).map(tuple),
-    st.lists(times, min_size=3, max_size=3),
-)
-def test_what_is_written_is_read_back(known: tuple[Remembered, ...], when: list[float]) -> None:
-    seen = open_graph(HOME)
-    seen.looked("kitchen", "mug", time=when[0])
-    seen.keeps("drinks", room="hall", at="shelf")
-    seen.never("mug", at="desk")
-    seen.searched("kitchen", time=when[1])
-    seen.saw("hall", "mug", age=0.1 + when[2] % 1, stays=7)
-    graph: PartialGraph = replace(seen.graph, memory=known)
-    said = json.loads(json.dumps(encode_robot_graph(graph)))
-    assert parse_robot_graph(said, path=Path("x"), class_map=graph.class_space) == graph

@@ -72,7 +72,7 @@ class _Recording:
     ) -> None:
         """Show things with these class ids as one entity for each class, `world/OF/CLASS`."""
         for c in sorted(set(ids)):
-            mine = [k for k, one in enumerate(ids) if one == c]
+            mine = [k for k, index in enumerate(ids) if index == c]
             chosen = {name: [values[k] for k in mine] for name, values in columns.items()}
             self.show(kind, "world", of, self.classes[c], **chosen)
 
@@ -103,7 +103,9 @@ class _Recording:
         steps = range(self.step + 1)
         for (kind, *entity), rows in self._rows.items():
             names = next(iter(rows.values()))
-            columns = {name: [one for row in rows.values() for one in row[name]] for name in names}
+            columns = {
+                name: [value for row in rows.values() for value in row[name]] for name in names
+            }
             stream.send_columns(
                 "/".join(map(rerun.escape_entity_path_part, entity)),
                 [rerun.TimeColumn("step", sequence=steps)],
@@ -118,11 +120,11 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
     partial, objects, blind = belief.partial, belief.partial.objects, belief.blind
     recording.classes = classes = [*partial.class_space.classes, "no class"]
     boxes, more = _place_rooms(partial.rooms), belief.hidden.sum(axis=1).tolist()
-    told = [f"{partial.scene_id}, by {belief.model}"]
-    names = [f"{classes[one.class_index]} {one.presence:.0%}" for one in blind]
+    lines = [f"{partial.scene_id}, by {belief.model}"]
+    names = [f"{classes[node.class_index]} {node.presence:.0%}" for node in blind]
     expected: list[dict[str, None]] = [{} for _ in boxes]  # names of each room, each once
-    for one, name in zip(blind, names, strict=True):
-        expected[one.room_index][name] = None
+    for hidden, name in zip(blind, names, strict=True):
+        expected[hidden.room_index][name] = None
     for node, room in enumerate(partial.rooms, 1):
         label = room.label or room.name
         colour = _ENTERED if room.visited else _ROOM
@@ -130,27 +132,27 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
         recording.show("Scalars", "expected", room.name, scalars=[more[node]])
         recording.show("SeriesLines", "expected", room.name, names=[label])
         named = [f"{more[node]:.1f} more", *[*expected[node]][:_TOLD]]
-        told.append(f"{label}: {', '.join(named)}")
-    recording.show("TextDocument", "belief", text=["\n".join(told)])  # no markup: names are data
+        lines.append(f"{label}: {', '.join(named)}")
+    recording.show("TextDocument", "belief", text=["\n".join(lines)])  # no markup: names are data
     _show_ways(recording, partial.adjacency, dict(enumerate(boxes)))
-    spots = _spread([one.room_index for one in objects], boxes, level=0.0)
-    ids = [len(classes) - 1 if one.class_index is None else one.class_index for one in objects]
+    spots = _spread([obj.room_index for obj in objects], boxes, level=0.0)
+    ids = [len(classes) - 1 if obj.class_index is None else obj.class_index for obj in objects]
     recording.show_classes(
         *("Points3D", "objects", ids),
-        positions=[one.position or spot for one, spot in zip(objects, spots, strict=True)],
-        labels=[one.raw_category for one in objects],
+        positions=[obj.position or spot for obj, spot in zip(objects, spots, strict=True)],
+        labels=[obj.raw_category for obj in objects],
         show_labels=[len(ids) <= _NAMED] * len(ids),
         class_ids=ids,
         radii=[_OBJECT] * len(ids),
     )
-    spots = _spread([one.room_index for one in blind], boxes, level=1.0)
+    spots = _spread([hidden.room_index for hidden in blind], boxes, level=1.0)
     places = {obj.name: obj.position for obj in objects}
-    ids = [one.class_index for one in blind]
+    ids = [hidden.class_index for hidden in blind]
     recording.show_classes(
         *("Ellipsoids3D", "blind", ids),
         centers=[
-            place_beside(places.get(one.on or ""), number) or spot
-            for number, (one, spot) in enumerate(zip(blind, spots, strict=True))
+            place_beside(places.get(hidden.on or ""), number) or spot
+            for number, (hidden, spot) in enumerate(zip(blind, spots, strict=True))
         ],
         labels=names,
         show_labels=[len(ids) <= _NAMED] * len(ids),
@@ -159,9 +161,9 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
     )
     recording.show_classes(
         *("AnyValues", "blind", ids),
-        room=[partial.rooms[one.room_index - 1].name for one in blind],
-        presence=[one.presence for one in blind],
-        expected=[one.expected for one in blind],
+        room=[partial.rooms[hidden.room_index - 1].name for hidden in blind],
+        presence=[hidden.presence for hidden in blind],
+        expected=[hidden.expected for hidden in blind],
     )
 
 
@@ -184,7 +186,7 @@ def _place_rooms(rooms: Sequence[KnownRoom]) -> list[Box]:
     known = [outline_room(room, room.position) for room in rooms]
     right = max((x for outline in known if outline for x, _ in outline), default=-_GAP)
     loose = [KnownOutline(k, "", None, None) for k, outline in enumerate(known) if outline is None]
-    squares = {one.number: one.outline for one in draw_plan(loose).rooms}
+    squares = {room.number: room.outline for room in draw_plan(loose).rooms}
     boxes = []
     for k, (room, outline) in enumerate(zip(rooms, known, strict=True)):
         low = room.position[2] if room.position else _STOREY * (room.floor_index or 0)

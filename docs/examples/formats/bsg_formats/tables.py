@@ -116,8 +116,8 @@ def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
         for name in ("box", "footprint"):
             if node.get(name) is not None:
                 node[name] = list(chain.from_iterable(node[name]))
-        said = node.get("room_type") or {}
-        shares = {said: 1.0} if isinstance(said, str) else said
+        kinds = node.get("room_type") or {}
+        shares = {kinds: 1.0} if isinstance(kinds, str) else kinds
         columns: dict[str, Any] = {"node": number, "room_type": list(shares.items()) or None}
         columns["time"] = read_time(node["time"]) if "time" in node else None
         more = {k: v for k, v in node.items() if v is not None and k not in _SCHEMAS["nodes"].names}
