@@ -31,8 +31,8 @@ class Knowledge:
             only. A look that misses nothing finds one if there is one.
         again: `[E, L, N, A]` believed P(the next look finds none, and the one after it does), and
             so on for L looks; None if looks miss nothing.
-        share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
-            planner that does not read it, and if the caller of `next_room` gave none.
+        share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None if the
+            caller of `next_room` gave none.
         tour: `[E, N]` positions of the rooms in the oracle's tour; None for other planners.
         look: `[E, N]` cost of a look in each room, in the unit of the ways; None if it is nothing.
     """

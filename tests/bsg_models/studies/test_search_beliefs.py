@@ -63,7 +63,6 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
     explored = np.zeros((3, nodes), dtype=bool)
     explored[:, 2] = explored[1, 4] = True
     presence, share = beliefs(np.arange(3), explored)
-    assert share is not None
     predictor, class_space = Predictor(path), read_manifest(dataset).class_space
     for e, (draw, artifact) in enumerate([(0, stove), (1, stove), (0, 3)]):
         known = mask_scene(graph, mask, draw=draw, class_space=class_space)
@@ -82,12 +81,6 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
         )
     again, _ = beliefs(np.array([1]), explored[[1]])
     np.testing.assert_array_equal(again[0], presence[1])
-    explored[:, 3] = True  # a state that was not asked for its shares is asked for them later
-    alone, nothing = beliefs(np.arange(3), explored, shares=False)
-    assert nothing is None
-    with_shares, share = beliefs(np.arange(3), explored)
-    assert share is not None
-    np.testing.assert_allclose(alone, with_shares, rtol=1e-6)
 
 
 def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path, run: Path) -> None:
