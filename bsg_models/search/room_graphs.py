@@ -121,8 +121,8 @@ def sample_travel(
         edges[:, 0, 1:] = edges[:, 1:, 0] = costs
         return find_ways(edges)
     left, right = 1 + np.stack(np.triu_indices(nodes - 1, 1))
-    for one in edges:  # drawing for all at once would take as much memory as the edges
-        one[left, right] = one[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
+    for graph in edges:  # drawing for all at once would take as much memory as the edges
+        graph[left, right] = graph[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
     if recipe.kind == "complete":
         return go_straight(edges)
     joins = world_generator(seed, scene_id, f"{recipe.name} joins")

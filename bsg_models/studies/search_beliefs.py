@@ -91,19 +91,19 @@ class ModelBeliefs:
         layout = Layout(self._cells.shape, data.connections(scene_id))
         looked = sample_views([layout] * many, streams)
         views = [view.in_building(len(self._cells)) for view in looked]
-        there = np.concatenate([self._cells] * many)
-        hidden = hide_cells(there, views, streams)
+        present = np.concatenate([self._cells] * many)
+        hidden = hide_cells(present, views, streams)
         classes = data.manifest.class_space.classes
         seen = see_unclassified(
             [unclassified] * many,
             views,
             streams,
-            there=there,
+            there=present,
             hidden=hidden,
             classes=classes,
         )
         # of each draw of the mask, D in all
-        self._left = (there - hidden).reshape(many, *self._cells.shape).astype(_COUNT)
+        self._left = (present - hidden).reshape(many, *self._cells.shape).astype(_COUNT)
         left = [some.count(model.vocabulary).astype(_COUNT) for some in seen]
         self._left_unclassified = np.stack(left)
         self._views = [
@@ -161,7 +161,7 @@ class ModelBeliefs:
     def _observe(self, states: Ints) -> Observation:
         """Return what is seen in some states, one building each."""
         draw, searched = states[:, 0], states[:, 2:] > 0
-        visited, share, withheld = (one[draw] for one in self._views)
+        visited, share, withheld = (views[draw] for views in self._views)
         outside = ~searched[:, :, None]
         wanted = np.arange(self._cells.shape[1]) == states[:, 1, None]  # [S, C]
         withheld = (withheld | wanted[:, None]) & outside

@@ -85,9 +85,9 @@ def _sample_searches(
     The artifact is uniform over the classes of the pool `[C]` that some room has and another has
     not. The start is uniform over the rooms without it, or over all rooms, as the recipe says.
     """
-    there = (cells > 0) & rooms[:, None]
-    sought = pool & there.any(axis=0)
-    lacking = sought & ~there  # [N, C] what a search that starts in a room may look for
+    present = (cells > 0) & rooms[:, None]
+    sought = pool & present.any(axis=0)
+    lacking = sought & ~present  # [N, C] what a search that starts in a room may look for
     lacking &= rooms[:, None]
     first = np.flatnonzero(lacking.any(axis=0))
     if not len(first):
