@@ -122,8 +122,8 @@ class SourceContract:
             assert "unknown" in described["license"]
             return
         assert terms.sentence in card
-        said = [described[key] for key in ("license", "url", "citeAs")]
-        assert said == [terms.licence_url, terms.homepage, terms.citation]
+        values = [described[key] for key in ("license", "url", "citeAs")]
+        assert values == [terms.licence_url, terms.homepage, terms.citation]
 
     def test_what_is_not_there_is_a_source_error(self, tmp_path: Path) -> None:
         """Refuse a path where nothing is."""
@@ -191,8 +191,8 @@ class MaskContract:
 
         def sample(key: tuple[str, int]) -> tuple[bytes, ...]:
             view, _, hidden = draw_mask(np.full((8, 4), 5), recipe, scene_id=key[0], draw=key[1])
-            told = (view.nodes, view.visited, view.hidden_share, view.withheld, hidden)
-            return tuple(array.tobytes() for array in told)
+            arrays = (view.nodes, view.visited, view.hidden_share, view.withheld, hidden)
+            return tuple(array.tobytes() for array in arrays)
 
         keys = list(product("ab", range(3)))
         first = {key: sample(key) for key in keys}
@@ -219,8 +219,8 @@ def draw_mask(
     """Return a view, the cells in the robot's graph `[N, C]`, and what is hidden of them."""
     streams = MaskStreams([recipe], [scene_id], [draw])
     layout = Layout(cells.shape, connections)
-    (view,), there, hidden = sample_masks([cells], [layout], streams)
-    return view, there, hidden
+    (view,), present, hidden = sample_masks([cells], [layout], streams)
+    return view, present, hidden
 
 
 def require_sound(view: View, cells: Counts, hidden: Counts) -> None:
@@ -247,11 +247,11 @@ def _count_wrong(
     Of the building, the rooms that were entered, and those that were not.
     """
     view, found, hidden = draw_mask(cells, recipe, draw=draw, connections=connections)
-    there, gone = found.sum(axis=1), hidden.sum(axis=1)
-    wrong = gone - view.hidden_share * there
+    present, gone = found.sum(axis=1), hidden.sum(axis=1)
+    wrong = gone - view.hidden_share * present
     rooms = view.nodes > 0
     return (
-        float(gone.sum() - view.hidden_share[0] * there.sum()),
+        float(gone.sum() - view.hidden_share[0] * present.sum()),
         float(wrong[view.visited & rooms].sum()),
         float(wrong[~view.visited].sum()),
     )

@@ -103,16 +103,16 @@ class ModelContract:
         assert loss.shape == ()
         assert torch.isfinite(loss)
         torch.autograd.backward(loss)
-        assert any(one.grad is not None for one in network.parameters())
+        assert any(parameter.grad is not None for parameter in network.parameters())
 
     def test_beliefs_are_numbers_and_inputs_stay(self) -> None:
         """Check counts of 0 or more, valid probabilities, and unchanged inputs."""
         model = _fit(self.name)[1]
         seen = read_split(_example()[1], "test", vocabulary=model.vocabulary).seen
-        for one in (seen, replace(seen, withheld=np.ones_like(seen.withheld))):
-            beliefs = model.expect(one)
-            np.testing.assert_array_equal(beliefs.inputs, one.inputs)
-            assert beliefs.hidden.shape == one.inputs.shape
+        for observed in (seen, replace(seen, withheld=np.ones_like(seen.withheld))):
+            beliefs = model.expect(observed)
+            np.testing.assert_array_equal(beliefs.inputs, observed.inputs)
+            assert beliefs.hidden.shape == observed.inputs.shape
             assert (beliefs.hidden >= 0).all()
             np.testing.assert_allclose(beliefs.expected, beliefs.inputs + beliefs.hidden)
             assert ((beliefs.presence >= 0) & (beliefs.presence <= 1)).all()
@@ -133,14 +133,14 @@ class ModelContract:
         model = _fit(self.name)[1]
         classes, order = model.inputs.classes, [2, 0, 3, 1]
         rooms = np.random.default_rng(0).poisson(1.0, (4, classes))
-        there, shuffled = (
+        ordered, shuffled = (
             model.expect(
                 observe_building(some.tolist(), classes=classes, vocabulary=model.vocabulary)
             ).hidden
             for some in (rooms, rooms[order])
         )
-        np.testing.assert_allclose(shuffled[0], there[0], rtol=_RTOL, atol=_ATOL)
-        np.testing.assert_allclose(shuffled[1:], there[1:][order], rtol=_RTOL, atol=_ATOL)
+        np.testing.assert_allclose(shuffled[0], ordered[0], rtol=_RTOL, atol=_ATOL)
+        np.testing.assert_allclose(shuffled[1:], ordered[1:][order], rtol=_RTOL, atol=_ATOL)
 
     def test_buildings_without_rooms_or_objects_get_an_answer(self) -> None:
         """Check for finite answers if there are no rooms or no objects."""

@@ -126,12 +126,12 @@ def _encode_answer(
         "go_first": find.get(answer["go_first"]),
         "things": [
             {
-                **one,
-                "anywhere": _round(one["anywhere"]),
-                "places": show(one["places"]),
-                "habits": [taught.row(habit) for habit in one["habits"]],
+                **thing,
+                "anywhere": _round(thing["anywhere"]),
+                "places": show(thing["places"]),
+                "habits": [taught.row(habit) for habit in thing["habits"]],
             }
-            for one in answer["things"]
+            for thing in answer["things"]
         ],
         "plan": show({**stop, "step": step} for step, stop in enumerate(answer["plan"], 1)),
     }
@@ -149,7 +149,7 @@ def _encode_dots(
 ) -> dict[str, Any]:
     """Return the shown objects and blind nodes; `place` is room → its node on the page."""
     things = [] if answer is None else answer["things"]
-    ids = [{name for spot in one["places"] for name in spot["seen"]} for one in things]
+    ids = [{name for spot in thing["places"] for name in spot["seen"]} for thing in things]
     names = belief.partial.class_space.classes
     every = belief.partial.objects
     places = {obj.name: obj.position for obj in every}
@@ -173,7 +173,7 @@ def _encode_dots(
                 "expected": round(node.expected, _DIGITS),
                 "presence": round(node.presence, _DIGITS),
                 "at": place_beside(places.get(node.on or ""), number),
-                **_note_asked(one["class"] == names[node.class_index] for one in things),
+                **_note_asked(thing["class"] == names[node.class_index] for thing in things),
             }
             for number, node in ((number, belief.blind[number]) for number in blind)
         ],
@@ -193,10 +193,10 @@ def _encode_rooms(
     names = [_name(room) for room in rooms]
     if len(shown) < len(rooms):  # numbered names count the rooms that are left out, too
         names = list(number_alike(names))
-    kept = [rooms[number - 1] for number in shown]
+    shown_rooms = [rooms[number - 1] for number in shown]
     known = [
         KnownOutline(node, names[number - 1], outline_room(room, room.position), room.floor_index)
-        for node, (number, room) in enumerate(zip(shown, kept, strict=True), start=1)
+        for node, (number, room) in enumerate(zip(shown, shown_rooms, strict=True), start=1)
     ]
     plan, row = draw_plan(known), draw_plan(known, aspect=_ONE_ROW)
     drawn_names = {room.number: room.name for room in plan.rooms}
@@ -209,7 +209,7 @@ def _encode_rooms(
             "share": round(room.hidden_share, _DIGITS),
             "corner": drawn.outline and drawn.outline[0],
         }
-        for number, room, drawn in zip(shown, kept, known, strict=True)
+        for number, room, drawn in zip(shown, shown_rooms, known, strict=True)
     ]
     return {"rooms": encoded, "plan": asdict(plan), "row": asdict(row)}
 
@@ -239,7 +239,7 @@ def _name_rooms(answer: Mapping[str, Any] | None) -> list[str | None]:
     """Return the ids of the rooms that an answer is about, if there is one."""
     if answer is None:
         return []
-    lists = [answer["plan"], *(one["places"] for one in answer["things"])]
+    lists = [answer["plan"], *(thing["places"] for thing in answer["things"])]
     named = [row["room"] for rows in lists for row in rows[:_FIRST]]
     return [answer["here"], answer["go_first"], *named]
 

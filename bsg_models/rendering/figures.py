@@ -173,12 +173,14 @@ def plot_leaderboard(
         estimates = [of_model[metric] for of_model in standings.values()]
         _scale_panel(axes, estimates, sign=1 if label.endswith("↓") else -1)
         left, right = axes.get_xlim()
-        for place, one in zip(places, estimates, strict=True):
-            axes.plot([one.low, one.high], [place, place], color=_PREDICTED, linewidth=1.2)
-            if left <= one.value <= right or np.isnan(one.value):
-                axes.plot(one.value, place, "o", color=_PREDICTED, markersize=4)
+        for place, estimate in zip(places, estimates, strict=True):
+            axes.plot(
+                [estimate.low, estimate.high], [place, place], color=_PREDICTED, linewidth=1.2
+            )
+            if left <= estimate.value <= right or np.isnan(estimate.value):
+                axes.plot(estimate.value, place, "o", color=_PREDICTED, markersize=4)
             else:  # outside the panel: the arrow points to the value
-                edge, marker = (left, "<") if one.value < left else (right, ">")
+                edge, marker = (left, "<") if estimate.value < left else (right, ">")
                 axes.plot(edge, place, marker, color=_INPUT, markersize=5, clip_on=False)
         axes.set_yticks(places, standings, fontsize=8)
     _save(figure, path, title=title)
@@ -186,8 +188,8 @@ def plot_leaderboard(
 
 def _scale_panel(axes: Axes, estimates: Sequence[Estimate], *, sign: int) -> None:
     """Mark the best estimate, and let the best three quarters set the scale."""
-    known = [one for one in estimates if not np.isnan(one.value)]
-    best = sorted(known, key=lambda one: sign * one.value)[: -(-3 * len(estimates) // 4)]
+    known = [estimate for estimate in estimates if not np.isnan(estimate.value)]
+    best = sorted(known, key=lambda estimate: sign * estimate.value)[: -(-3 * len(estimates) // 4)]
     if best:
         axes.axvline(best[0].value, color=_TRUE, linewidth=0.7, linestyle="--")
         ends = [x for e in best for x in (e.low, e.value, e.high) if not np.isnan(x)]

@@ -25,26 +25,26 @@ class Taught:
         """Return a place of a thing, its share, sightings, the last, and whether it is told."""
         room = self._rooms.get(habit["room"], habit["room"] or "elsewhere")
         seen = self._count(habit["sightings"], habit["last"])
-        told = "yes" if habit["told"] else ""
-        return [self._name(room, habit["piece"]), f"{100 * habit['share']:.0f} %", *seen, told]
+        is_told = "yes" if habit["told"] else ""
+        return [self._name(room, habit["piece"]), f"{100 * habit['share']:.0f} %", *seen, is_told]
 
     def rows(self) -> list[list[str]]:
         """Return of each thing its places, sightings, the last, and what people say of it."""
-        seen, told = self._list_sightings(), self._list_told()
+        seen, customs = self._list_sightings(), self._list_told()
         names = ["in no room", *self._rooms.values()]
         rows = []
-        things = sorted({*seen, *told}, key=lambda one: (-len(seen[one]), one))
+        things = sorted({*seen, *customs}, key=lambda thing: (-len(seen[thing]), thing))
         for thing in things[:_MOST_THINGS]:
-            places = Counter((one.room_index, one.on) for one in seen[thing])
+            places = Counter((sighting.room_index, sighting.on) for sighting in seen[thing])
             often = [
                 f"{self._name(names[room], on)}: {times}"
                 for (room, on), times in places.most_common(_MOST_PLACES)
             ]
             if (more := len(places) - _MOST_PLACES) > 0:
                 often.append(f"and {more:,} more")
-            last = max((one.time for one in seen[thing]), default=None)
+            last = max((sighting.time for sighting in seen[thing]), default=None)
             counted = self._count(len(seen[thing]), last)
-            rows.append([thing, "; ".join(often), *counted, "; ".join(told[thing])])
+            rows.append([thing, "; ".join(often), *counted, "; ".join(customs[thing])])
         if (more := len(things) - _MOST_THINGS) > 0:
             rows.append([f"and {more:,} more things", "", "", "", ""])
         return rows
@@ -52,20 +52,20 @@ class Taught:
     def _list_sightings(self) -> dict[str, list[Sighting]]:
         """Return word → its sightings, of things that were elsewhere before."""
         seen: dict[str, list[Sighting]] = defaultdict(list)
-        for one in self._partial.memory:
-            seen[one.raw_category] += one.sightings
+        for remembered in self._partial.memory:
+            seen[remembered.raw_category] += remembered.sightings
         for obj in self._partial.objects:
             if obj.raw_category in seen and obj.time is not None:
                 seen[obj.raw_category].append(Sighting(obj.time, obj.room_index, obj.on))
         return seen
 
     def _list_told(self) -> dict[str, list[str]]:
-        told: dict[str, list[str]] = defaultdict(list)
+        customs: dict[str, list[str]] = defaultdict(list)
         names = ["", *self._rooms.values()]
-        for one in self._partial.customs:
-            place = self._name(names[one.room_index or 0], one.at)
-            told[one.thing].append(f"never: {place}" if one.never else place)
-        return told
+        for custom in self._partial.customs:
+            place = self._name(names[custom.room_index or 0], custom.at)
+            customs[custom.thing].append(f"never: {place}" if custom.never else place)
+        return customs
 
     def _name(self, room: str, piece: str | None) -> str:
         """Return a place in words: a room, and a piece of furniture."""

@@ -30,14 +30,11 @@ class Planner:
         reads: which presence it receives: none (`none`), the model's (`belief`), or the true one
             (`truth`). `Knowledge` holds nothing else about where things are.
         so_that: its advantage, for the docs.
-        shares: whether it reads `Knowledge.share`, which costs several times as much as a presence;
-            otherwise it receives none.
     """
 
     choose: Callable[[Knowledge], Ints]
     reads: Reads = "belief"
     so_that: str = "–"
-    shares: bool = True
 
 
 # What can be given as a planner: a name of the table, a planner, or its function.

@@ -31,8 +31,8 @@ class Knowledge:
             only. A look that misses nothing finds one if there is one.
         again: `[E, L, N, A]` believed P(the next look finds none, and the one after it does), and
             so on for L looks; None if looks miss nothing.
-        share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
-            planner that does not read it, and if the caller of `next_room` gave none.
+        share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None if the
+            caller of `next_room` gave none.
         tour: `[E, N]` positions of the rooms in the oracle's tour; None for other planners.
         look: `[E, N]` cost of a look in each room, in the unit of the ways; None if it is nothing.
     """
@@ -51,7 +51,7 @@ class Knowledge:
 
     def take(self, which: Ints | Bools) -> Knowledge:
         """Return what some of the robots know."""
-        known = {one.name: getattr(self, one.name) for one in fields(self)}
+        known = {field.name: getattr(self, field.name) for field in fields(self)}
         shared = ("task", "ways")  # by all searches of the building
         arrays = {n: v[which] for n, v in known.items() if v is not None and n not in shared}
         return replace(self, **arrays)
@@ -174,5 +174,5 @@ def go_straight(edges: Floats) -> Travel:
     costs = edges.astype(np.float64)
     every = np.arange(costs.shape[1])
     costs[:, every, every] = 0.0
-    there, here = every.astype(np.int16), every[:, None].astype(np.int16)
-    return Travel(costs, np.where(np.isfinite(costs), there, here))
+    end, here = every.astype(np.int16), every[:, None].astype(np.int16)
+    return Travel(costs, np.where(np.isfinite(costs), end, here))

@@ -77,11 +77,9 @@ def oracle(known: Knowledge) -> Ints:
 
 NEAREST = Planner(nearest, "none", so_that="the next leg is short")
 GREEDY_SHARE = Planner(greedy_share, "belief", so_that="the search follows the paper's rule")
-GREEDY_BELIEF = Planner(
-    greedy_belief, "belief", so_that="few rooms are entered, however far apart", shares=False
-)
-RATIO = Planner(ratio, "belief", so_that="each leg gains much for its cost", shares=False)
-EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short", shares=False)
+GREEDY_BELIEF = Planner(greedy_belief, "belief", so_that="few rooms are entered, however far apart")
+RATIO = Planner(ratio, "belief", so_that="each leg gains much for its cost")
+EXPECTED_COST = Planner(expected_cost, "belief", so_that="the whole search is short")
 ROUTING = Planner(routing, "none", so_that="you see how much good routes save without a belief")
 ORACLE = Planner(oracle, "truth", so_that="no planner is better")
 

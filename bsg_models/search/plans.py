@@ -45,10 +45,8 @@ CHANCES = 5  # plans that begin at random; more are better and take longer
 _EXACT_TOUR, _TOUR_CHANCES = 12, 60  # a tour is planned once in a search
 _CELLS = 1 << 19  # of tables; more searches are planned in turns
 _NEVER = 1e30  # cost of a set that no plan comes to
-_LEAST_COST = 1e-9  # that a look's likelihood is divided by
-_LEAST_SHARE = 1e-9  # least relative improvement
+_ROUNDING = 1e-9  # a smaller cost, or relative improvement, is none
 _NEARLY, _TRIED = 0.005, 16  # P(found within a budget) that is as good; sets that are tried
-_MOST_ROUNDS = 100  # in which a plan is improved
 _THOROUGH = 40  # looks, all of which are tried again, one after another
 _IMPROVED, _LEAST_OF_MANY = 3, 3e-3  # plans that are improved if that is enough, and how far
 _SHARED = 0.5  # of looks have a room in common: rooms are searched piece by piece
@@ -82,10 +80,10 @@ def plan_search(
 
 def _sort_alike(problem: SearchProblem, plans: Ints) -> Ints:
     """Return plans that cost no more, and name the lowest number first of looks that are alike."""
-    looks, legs = problem.looks, np.minimum(problem.legs, 1 / _LEAST_COST)
+    looks, legs = problem.looks, np.minimum(problem.legs, 1 / _ROUNDING)
     alike = np.full((len(plans), looks + problem.robots), np.inf)
     alike[:, :looks] = legs.sum(axis=1) + legs.max() * (problem.finds.sum(axis=2) + legs[:, looks])
-    alike[:, :looks] = (alike[:, :looks] / (alike[:, :looks].max() + _LEAST_COST)).round(12)
+    alike[:, :looks] = (alike[:, :looks] / (alike[:, :looks].max() + _ROUNDING)).round(12)
     numbers = np.delete(alike.argsort(axis=1, kind="stable"), looks, axis=1)
     places = np.take_along_axis(alike, plans, 1).argsort(axis=1, kind="stable")
     other = np.empty_like(plans)
@@ -93,7 +91,7 @@ def _sort_alike(problem: SearchProblem, plans: Ints) -> Ints:
     if (other == plans).all():
         return plans
     least, costs = problem.expect(plans), problem.expect(other)
-    return np.where((costs <= least * (1 + _LEAST_SHARE))[:, None], other, plans)
+    return np.where((costs <= least * (1 + _ROUNDING))[:, None], other, plans)
 
 
 def split_plan(plan: Ints, problem: SearchProblem) -> list[list[int]]:
@@ -151,12 +149,12 @@ def _plan_exactly(problem: SearchProblem) -> Ints:
     left = _share_left(problem)
     goals = _list_goals(left.shape[2])
     weights = {goal: _multiply(left, goal) for goal in goals}
-    most = np.full((1 << looks, looks, ways.shape[2]), _NEVER)
-    most[-1] = 0.0
-    remaining = {goal: most.copy() for goal in goals}
+    never = np.full((1 << looks, looks, ways.shape[2]), _NEVER)
+    never[-1] = 0.0
+    remaining = {goal: never.copy() for goal in goals}
     for sets, inside, outside in _layers(looks, problem.in_turn):
         after = sets[:, None] | 1 << outside
-        paid = {goal: rest[after, outside] for goal, rest in remaining.items()}
+        paid = {goal: costs[after, outside] for goal, costs in remaining.items()}
         for goal in goals:
             legs = ways[inside[:, :, None], outside[:, None]] * weights[goal][sets][:, None, None]
             legs += _go_on(goal, paid, left[sets][:, None], left[after])[:, None]
@@ -166,7 +164,7 @@ def _plan_exactly(problem: SearchProblem) -> Ints:
     done, legs = np.zeros(len(every), dtype=np.int64), ways[looks, :looks]
     for place in range(looks):  # on the best way, as long as nothing is found
         after = done | 1 << each
-        paid = {goal: rest[after, each, every] for goal, rest in remaining.items()}
+        paid = {goal: costs[after, each, every] for goal, costs in remaining.items()}
         total = legs * weights[goals[-1]][done, every]
         total = total + _go_on(goals[-1], paid, left[done, every], left[after, every])
         order[place] = np.where(done >> each & 1, np.inf, total).argmin(axis=0)
@@ -219,7 +217,7 @@ def _go_on(goal: _Goal, paid: Mapping[_Goal, Floats], now: Floats, then: Floats)
     cost = paid[goal]
     for some in paid:
         if len(some) < len(goal) and {*some} < {*goal}:
-            found = tuple(one for one in goal if one not in some)
+            found = tuple(thing for thing in goal if thing not in some)
             cost = cost + paid[some] * _multiply(now - then, found)
     return cost
 
@@ -261,10 +259,11 @@ def _plan_one(problem: SearchProblem) -> Ints:
     in_time[0] = True
     good = np.flatnonzero(in_time & (w <= w[in_time].min() + _NEARLY))
     plans = [
-        _order_set(problem, int(one), fastest, before) for one in good[w[good].argsort()][:_TRIED]
+        _order_set(problem, int(chosen), fastest, before)
+        for chosen in good[w[good].argsort()][:_TRIED]
     ]
     best = min(plans, key=lambda plan: _mean_time(problem, plan))
-    return np.array([*best, *(one for one in range(looks) if one not in best)])
+    return np.array([*best, *(look for look in range(looks) if look not in best)])
 
 
 def _find_fastest(problem: SearchProblem) -> tuple[Floats, Ints]:
@@ -322,7 +321,7 @@ def _plan_locally(problem: SearchProblem, *, chances: int) -> Ints:
     effort = _choose_effort(problem, chances)
     likely, near = problem.finds.max(axis=2), problem.legs[:, looks:].min(axis=1)
     lots = np.random.default_rng(0).random((effort.chances, looks)).repeat(searches, axis=0)
-    ranks = np.concatenate([-likely, near, -likely / (near + _LEAST_COST), lots])
+    ranks = np.concatenate([-likely, near, -likely / (near + _ROUNDING), lots])
     turns = np.argsort(ranks, axis=1, kind="stable").T
     plans = Plans.of(problem, copies=len(ranks) // searches)
     path = plans.begin()
@@ -369,18 +368,16 @@ def _improve(plans: Plans, path: Ints, cost: Floats, effort: _Effort) -> None:
 
     If not every look is tried, those are that had moved if they had come first.
     """
-    least = _LEAST_SHARE if effort.improved is None else _LEAST_OF_MANY
+    least = _ROUNDING if effort.improved is None else _LEAST_OF_MANY
     looks, going = range(plans.problem.looks), np.arange(path.shape[1])
-    for _ in range(_MOST_ROUNDS):
-        if not len(going):
-            break
+    while len(going):
         some, now = path[:, going], cost[going]
         for look in looks if effort.every else _find_movers(plans, some):
-            place, rest = _take_out(some, look)
-            new = plans.find_place(rest, look)
+            place, others = _take_out(some, look)
+            new = plans.find_place(others, look)
             moved = np.flatnonzero(new != place)
             if len(moved):
-                other = put(rest[:, moved], look, new[moved])
+                other = put(others[:, moved], look, new[moved])
                 if plans.is_by_turns:
                     then = plans.take(moved).expect_path(other)
                     better = then < now[moved]
@@ -405,7 +402,7 @@ def _find_movers(plans: Plans, path: Ints) -> list[int]:
     if plans.problem.single:
         which = which[:_SEVERAL]  # later ones cost next to nothing, wherever they are
     number, which = len(which), which.ravel()
-    place, rest = _take_out(np.tile(path, number), which)
-    new = plans.take(np.tile(np.arange(path.shape[1]), number)).find_place(rest, which)
+    place, others = _take_out(np.tile(path, number), which)
+    new = plans.take(np.tile(np.arange(path.shape[1]), number)).find_place(others, which)
     moved: list[int] = np.unique(which[new != place]).tolist()
     return moved

@@ -178,8 +178,8 @@ class Plans:
         """
         backwards = not self.problem.single and not whole
         path = order[::-1] if backwards else order
-        one = np.ones((1, path.shape[1], self.finds.shape[-1]))
-        left = accumulate(np.multiply, np.concatenate([one, self._factors(path)]))
+        whole_q = np.ones((1, path.shape[1], self.finds.shape[-1]))
+        left = accumulate(np.multiply, np.concatenate([whole_q, self._factors(path)]))
         return left[::-1] if backwards else left
 
     def _factors(self, path: Ints) -> Floats:
@@ -269,8 +269,8 @@ class Plans:
         starts = np.maximum.accumulate(np.where(is_robot, np.arange(len(path))[:, None], 0), axis=0)
         return np.asarray(clock - since + later[starts, self._each])
 
-    def _legs(self, here: Ints | int, there: Ints | int) -> Floats:
-        return np.asarray(self.legs.take((self.first + here) * self.legs.shape[1] + there))
+    def _legs(self, here: Ints | int, goal: Ints | int) -> Floats:
+        return np.asarray(self.legs.take((self.first + here) * self.legs.shape[1] + goal))
 
     # Where one more look costs least
 

@@ -16,13 +16,12 @@ reached from each other. If a layout falls into parts, it is the part with the m
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools
 from bsg_data.errors import RecipeError
 from bsg_data.records import Record
 from bsg_data.registry import require_known
@@ -89,45 +88,23 @@ def parse_world(text: str) -> WorldRecipe:
         ) from error
 
 
-@dataclass(frozen=True, eq=False)
-class RoomGraph:
-    """The connections of a building that have a length.
+def measure_travel(
+    connections: Connections, *, nodes: int, episodes: int, kind: Literal["layout", "geometry"]
+) -> tuple[Travel, Bools]:
+    """Return the same travel for E episodes, over connections whose lengths are known, in metres.
 
-    Attributes:
-        nodes: N = 1 + R.
-        edges: `[N, N]` metres; ∞ without an edge.
-        rooms: `[N]` those of the largest connected part; none if no connection is known.
+    Also the rooms `[N]` of the largest connected part; none if no connection is known.
     """
-
-    nodes: int
-    edges: Floats
-    rooms: Bools
-
-    def travel(self, episodes: int) -> Travel:
-        """Return the same travel for E episodes."""
-        one = find_ways(self.edges[None])
-        shape = (episodes, self.nodes, self.nodes)
-        return Travel(np.broadcast_to(one.costs, shape), np.broadcast_to(one.steps, shape))
-
-
-def measure_rooms(
-    connections: Connections, *, nodes: int, kind: Literal["layout", "geometry"]
-) -> RoomGraph:
-    """Return the connections of a building with N nodes whose lengths are known."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     edges = np.full((nodes, nodes), np.inf)
     known = np.isin(connections.methods, METHODS[kind]) & ~np.isnan(connections.lengths)
     left, right = connections.pairs[known].T
     edges[left, right] = edges[right, left] = connections.lengths[known]
-    ends = np.argwhere(np.isfinite(edges)).T
-    joined = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=edges.shape)
-    _, part = connected_components(joined, directed=False)
-    largest = np.bincount(part[1:], minlength=1).argmax() if nodes > 1 else 0
-    rooms = (part == largest) & (nodes > 1)
-    rooms[0] = False
-    return RoomGraph(nodes, edges, rooms if rooms.sum() > 1 else np.zeros(nodes, dtype=bool))
+    travel = find_ways(edges[None])
+    reached = np.isfinite(travel.costs[0])
+    rooms = reached[reached.sum(axis=1).argmax()]
+    shape = (episodes, nodes, nodes)
+    travel = Travel(np.broadcast_to(travel.costs, shape), np.broadcast_to(travel.steps, shape))
+    return travel, rooms & (rooms.sum() > 1)
 
 
 def sample_travel(
@@ -144,8 +121,8 @@ def sample_travel(
         edges[:, 0, 1:] = edges[:, 1:, 0] = costs
         return find_ways(edges)
     left, right = 1 + np.stack(np.triu_indices(nodes - 1, 1))
-    for one in edges:  # drawing for all at once would take as much memory as the edges
-        one[left, right] = one[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
+    for graph in edges:  # drawing for all at once would take as much memory as the edges
+        graph[left, right] = graph[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
     if recipe.kind == "complete":
         return go_straight(edges)
     joins = world_generator(seed, scene_id, f"{recipe.name} joins")

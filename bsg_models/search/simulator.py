@@ -70,9 +70,9 @@ class Episodes:
 
 # What is believed about the artifacts of E searches: a function of the numbers of some searches,
 # `[M]`, and the rooms that each has entered, `[M, N]`. It returns the presence and the share of the
-# artifacts in unexplored rooms, both `[M, N, A]`; the share may be None with `shares=False`.
-Answer: TypeAlias = tuple[Floats, Floats | None]
-Beliefs: TypeAlias = Callable[..., Answer]
+# artifacts in unexplored rooms, both `[M, N, A]`.
+Answer: TypeAlias = tuple[Floats, Floats]
+Beliefs: TypeAlias = Callable[[Ints, Bools], Answer]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,29 +136,23 @@ def search(
 
 def _ask(runs: Mapping[_Key, _Run], beliefs: Beliefs | None) -> dict[_Key, Answer]:
     """Return what is believed about the running searches of each robot that reads beliefs."""
-    answers: dict[_Key, Answer] = {}
-    for shares in (True, False):
-        asking = {
-            key: run
-            for key, run in runs.items()
-            if len(run.rows)
-            and run.robot.planner.reads == "belief"
-            and run.robot.planner.shares == shares
-        }
-        if not asking:
-            continue
-        if beliefs is None:
-            raise RecipeError(
-                "this planner needs a belief: give the run of a model", code="belief-missing"
-            )
-        rows = np.concatenate([run.rows for run in asking.values()])
-        explored = np.concatenate([run.explored[run.rows] for run in asking.values()])
-        presence, share = beliefs(rows, explored, shares=shares)
-        end = 0
-        for key, run in asking.items():
-            begin, end = end, end + len(run.rows)
-            answers[key] = presence[begin:end], None if share is None else share[begin:end]
-    return answers
+    asking = {
+        key: run
+        for key, run in runs.items()
+        if len(run.rows) and run.robot.planner.reads == "belief"
+    }
+    if not asking:
+        return {}
+    if beliefs is None:
+        raise RecipeError(
+            "this planner needs a belief: give the run of a model", code="belief-missing"
+        )
+    rows = np.concatenate([run.rows for run in asking.values()])
+    explored = np.concatenate([run.explored[run.rows] for run in asking.values()])
+    presence, share = beliefs(rows, explored)
+    ends = np.cumsum([len(run.rows) for run in asking.values()])[:-1]
+    parts = zip(np.split(presence, ends), np.split(share, ends), strict=True)
+    return dict(zip(asking, parts, strict=True))
 
 
 class _Run:
@@ -242,7 +236,7 @@ class _Run:
             unexplored = unexplored & (looks == fewest)
         presence, share = answer or (np.zeros((*looks.shape, episodes.artifacts.shape[1])),) * 2
         if episodes.may_miss:
-            share = None if share is None else self._doubt(rows, share, part=1)
+            share = self._doubt(rows, share, part=1)
             presence, again = self._expect(rows, presence)
         if robot.planner.reads == "truth":
             presence = (self.left[rows] > 0).astype(float)
@@ -257,7 +251,7 @@ class _Run:
             unexplored=unexplored,
             wanted=wanted,
             presence=np.where(open_, presence, 0.0),
-            share=None if share is None else np.where(open_, share, 0.0),
+            share=np.where(open_, share, 0.0),
             tour=None if self.tour is None else self.tour[rows],
             look=None if look is None else np.broadcast_to(look, unexplored.shape),
             again=again,
@@ -315,7 +309,7 @@ def _search_one(
         if len(nodes) and beliefs is None:
             nodes = nodes[[travel[place[robot], nodes].argmin()]]
         elif len(nodes) and beliefs is not None:
-            presence, _ = beliefs(np.array([row]), (looked & episodes.rooms)[None], shares=False)
+            presence, _ = beliefs(np.array([row]), (looked & episodes.rooms)[None])
             nodes = _plan_robot(legs, presence, nodes, place, free, robot=robot)
         if not len(nodes):
             free[robot] = np.inf  # it has nothing left to do

@@ -83,29 +83,29 @@ def tabulate_savings(results: Sequence[WorldResult]) -> Iterator[Table]:
 
     A second line of its caption says how good the first belief is, if there is one.
     """
-    for _, group in groupby(results, key=lambda one: one.world):
+    for _, group in groupby(results, key=lambda result: result.world):
         tasks = list(group)
-        header = [cell for one in tasks for cell in (f"{one.task}: saved, %", "wins, %")]
+        header = [cell for result in tasks for cell in (f"{result.task}: saved, %", "wins, %")]
         rows = [
-            [name, *(cell for one in tasks for cell in _cells(one, name))]
+            [name, *(cell for result in tasks for cell in _cells(result, name))]
             for name in tasks[0].savings
         ]
         yield Table(_caption(tasks[0]), ["planner", *header], rows)
 
 
-def _cells(one: WorldResult, planner: str) -> tuple[str, int]:
-    saving = one.savings[planner]
-    return _percent(saving.saved), round(100 * saving.wins / one.searches)
+def _cells(result: WorldResult, planner: str) -> tuple[str, int]:
+    saving = result.savings[planner]
+    return _percent(saving.saved), round(100 * saving.wins / result.searches)
 
 
-def _caption(one: WorldResult) -> str:
-    buildings = f"{one.buildings} building{'s' if one.buildings > 1 else ''}"
-    title = f"{one.world}: {one.searches:,} searches of {buildings} per task"
-    if math.isnan(one.ranked_first):
+def _caption(result: WorldResult) -> str:
+    buildings = f"{result.buildings} building{'s' if result.buildings > 1 else ''}"
+    title = f"{result.world}: {result.searches:,} searches of {buildings} per task"
+    if math.isnan(result.ranked_first):
         return title
     return (
-        f"{title}\nthe likeliest room holds one in {one.ranked_first:.0%} of searches, a random "
-        f"room in {one.chance:.0%}"
+        f"{title}\nthe likeliest room holds one in {result.ranked_first:.0%} of searches, a random "
+        f"room in {result.chance:.0%}"
     )
 
 
@@ -213,7 +213,7 @@ def encode_study(
         "scenes": list(study.scenes),
         "recipe": recipe,
         "left_out": study.left_out,
-        "standings": [_plain(asdict(one)) for one in results],
+        "standings": [_plain(asdict(result)) for result in results],
     }
 
 

@@ -91,19 +91,19 @@ class ModelBeliefs:
         layout = Layout(self._cells.shape, data.connections(scene_id))
         looked = sample_views([layout] * many, streams)
         views = [view.in_building(len(self._cells)) for view in looked]
-        there = np.concatenate([self._cells] * many)
-        hidden = hide_cells(there, views, streams)
+        present = np.concatenate([self._cells] * many)
+        hidden = hide_cells(present, views, streams)
         classes = data.manifest.class_space.classes
         seen = see_unclassified(
             [unclassified] * many,
             views,
             streams,
-            present=there,
+            present=present,
             hidden=hidden,
             classes=classes,
         )
         # of each draw of the mask, D in all
-        self._left = (there - hidden).reshape(many, *self._cells.shape).astype(_COUNT)
+        self._left = (present - hidden).reshape(many, *self._cells.shape).astype(_COUNT)
         left = [some.count(model.vocabulary).astype(_COUNT) for some in seen]
         self._left_unclassified = np.stack(left)
         self._views = [
@@ -120,61 +120,48 @@ class ModelBeliefs:
             surroundings=[data.surroundings(scene_id)],
         )
         self._cells, self._unclassified = self._cells.astype(_COUNT), outside.astype(_COUNT)
-        self._remembered: dict[bytes, tuple[Floats, Floats | None]] = {}
+        self._remembered: dict[bytes, Floats] = {}
 
-    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
+    def __call__(self, rows: Ints, explored: Bools) -> Answer:
         """Return presence and share of the artifacts; see `bsg_models.search.simulator.Beliefs`."""
         about = np.stack([self._draws[rows], self._artifacts[rows]], axis=1)
         states = np.concatenate([about, explored], axis=1, dtype=np.int64)
         distinct, inverse = np.unique(states, axis=0, return_inverse=True)
         keys = [state.tobytes() for state in distinct]
-        old = {key: self._remembered[key] for key in keys if key in self._remembered}
-        # An answer without its shares is none where they are needed.
-        new = [
-            i for i, key in enumerate(keys) if key not in old or (shares and old[key][1] is None)
-        ]
+        new = [i for i, key in enumerate(keys) if key not in self._remembered]
         size = max(1, _NODES // len(self._cells))
         for start in range(0, len(new), size):
             some = new[start : start + size]
-            presences, found = self._ask(distinct[some], shares=shares)
-            for place, i in enumerate(some):
-                self._remembered[keys[i]] = presences[place], found[place] if shares else None
-        answers = [self._remembered[key] for key in keys]
-        inverse = inverse.ravel()
-        presence = np.stack([answer[0] for answer in answers])[inverse, :, None]
-        if not shares:
-            return presence, None
-        share = np.stack([share for _, share in answers if share is not None])
-        return presence, share[inverse, :, None]
+            for i, answer in zip(some, self._ask(distinct[some]), strict=True):
+                self._remembered[keys[i]] = answer
+        found = np.stack([self._remembered[key] for key in keys])[inverse.ravel(), ..., None]
+        return found[:, 0], found[:, 1]
 
-    def _ask(self, states: Ints, *, shares: bool) -> tuple[Floats, Floats]:
-        """Return presence and share of the artifact in states `[S, 2 + N]`, both `[S, N]`.
+    def _ask(self, states: Ints) -> Floats:
+        """Return presence and share of the artifact in states `[S, 2 + N]`, `[S, 2, N]`.
 
         A state is a draw, an artifact and the explored rooms. The model is asked about unexplored
-        rooms only and, without `shares`, about the artifacts only. All other values are 0.
+        rooms only. All other values are 0.
         """
         open_ = states[:, 2:] == 0
         open_[:, 0] = False  # node 0 is the building
         rows = np.flatnonzero(open_)
         columns = np.repeat(states[:, 1], len(self._cells))[rows, None]
         presence, share = np.zeros((2, open_.size))
-        if not len(rows):  # every room was looked into, and the looks missed it
-            return presence.reshape(open_.shape), share.reshape(open_.shape)
-        seen = self._observe(states)
-        hidden = self._model.expect_rooms(seen, rows, None if shares else columns)
-        if shares:
+        if len(rows):  # else every room was looked into, and the looks missed it
+            seen = self._observe(states)
+            hidden = self._model.expect_rooms(seen, rows)
             expected = seen.inputs[rows] + hidden.mean
             total = expected.sum(axis=1, keepdims=True)
             found = np.divide(expected, total, out=np.zeros_like(expected), where=total > 0)
             share[rows] = take_columns(found, columns)[:, 0]
-            hidden = hidden.take_classes(columns)
-        presence[rows] = hidden.presence[:, 0]
-        return presence.reshape(open_.shape), share.reshape(open_.shape)
+            presence[rows] = hidden.take_classes(columns).presence[:, 0]
+        return np.stack([presence.reshape(open_.shape), share.reshape(open_.shape)], axis=1)
 
     def _observe(self, states: Ints) -> Observation:
         """Return what is seen in some states, one building each."""
         draw, searched = states[:, 0], states[:, 2:] > 0
-        visited, share, withheld = (one[draw] for one in self._views)
+        visited, share, withheld = (views[draw] for views in self._views)
         outside = ~searched[:, :, None]
         wanted = np.arange(self._cells.shape[1]) == states[:, 1, None]  # [S, C]
         withheld = (withheld | wanted[:, None]) & outside

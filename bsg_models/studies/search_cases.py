@@ -11,7 +11,7 @@ from bsg_models.search.looks import USUAL_WAY, metres_of_look
 from bsg_models.search.room_graphs import (
     MEASURED,
     WorldRecipe,
-    measure_rooms,
+    measure_travel,
     sample_travel,
     world_generator,
 )
@@ -30,13 +30,18 @@ def sample_episodes(
 ) -> Episodes | str:
     """Sample the searches of one building in one world, or return why there are none."""
     cells = data.cells(scene_id)
-    nodes, graph = len(cells), None
-    rooms = np.arange(nodes) > 0
+    nodes, episodes = len(cells), recipe.episodes
     if world.kind in MEASURED:
-        graph = measure_rooms(data.connections(scene_id), nodes=nodes, kind=world.kind)
-        rooms = graph.rooms
+        travel, rooms = measure_travel(
+            data.connections(scene_id), nodes=nodes, episodes=episodes, kind=world.kind
+        )
         if not rooms.any():
             return _NOT_MEASURED[world.kind]
+    else:
+        rooms = np.arange(nodes) > 0
+        travel = sample_travel(
+            world, nodes=nodes, episodes=episodes, scene_id=scene_id, seed=recipe.seed
+        )
     classes = data.manifest.class_space.classes
     require_known("class", recipe.artifacts or (), classes)
     pool = np.array([recipe.artifacts is None or name in recipe.artifacts for name in classes])
@@ -44,17 +49,11 @@ def sample_episodes(
     if drawn is None:
         return "no artifact that some room has and another has not"
     artifacts, starts = drawn
-    if graph is not None:
-        travel = graph.travel(recipe.episodes)
-    else:
-        travel = sample_travel(
-            world, nodes=nodes, episodes=recipe.episodes, scene_id=scene_id, seed=recipe.seed
-        )
     instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
     luck = None
     if recipe.chance < 1:
         draw = world_generator(recipe.seed, scene_id, "luck")
-        luck = draw.random((recipe.episodes, nodes, _LOOKS))
+        luck = draw.random((episodes, nodes, _LOOKS))
     look = _cost_looks(data, scene_id, world, recipe)
     return Episodes(travel, rooms, starts, artifacts, instances, look, recipe.chance, luck)
 
@@ -86,9 +85,9 @@ def _sample_searches(
     The artifact is uniform over the classes of the pool `[C]` that some room has and another has
     not. The start is uniform over the rooms without it, or over all rooms, as the recipe says.
     """
-    there = (cells > 0) & rooms[:, None]
-    sought = pool & there.any(axis=0)
-    lacking = sought & ~there  # [N, C] what a search that starts in a room may look for
+    present = (cells > 0) & rooms[:, None]
+    sought = pool & present.any(axis=0)
+    lacking = sought & ~present  # [N, C] what a search that starts in a room may look for
     lacking &= rooms[:, None]
     first = np.flatnonzero(lacking.any(axis=0))
     if not len(first):

@@ -118,7 +118,7 @@ def _list_notes(request: SearchRequest, study: Study, results: list[WorldResult]
     for world, reasons in study.left_out.items():
         for reason, number in reasons.items():
             yield f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
-    if request.resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
+    if request.resamples > 1 and any(result.buildings < LEAST_BUILDINGS for result in results):
         yield f"intervals are over buildings, and need {LEAST_BUILDINGS} of them"
 
 

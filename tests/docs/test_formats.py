@@ -23,7 +23,6 @@ from refusals import refuses
 from bsg_cli.belief import main
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.seal import require_seal, write_seal
-from bsg_models.belief.partial_graph import KnownRoom
 from bsg_robot.answers import belief_report
 from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 from bsg_robot.graph.document import encode_belief, to_networkx

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from bsg_data.arrays import Floats, Ints
-from bsg_models.search import plans
 from bsg_models.search.knowledge import find_ways
 from bsg_models.search.plans import plan_search, plan_tours, split_plan
 from bsg_models.search.problem import Plans, SearchProblem, pose_search
@@ -201,20 +200,6 @@ def test_the_plan_of_many_looks_is_nearly_exact(single: bool, things: int, most:
     problem = sample_searches(60, 10, things, single=single)
     best, found = (problem.expect(plan_search(problem, exact=exact)) for exact in (10, 0))
     assert (found / best - 1).mean() < most
-
-
-@pytest.mark.parametrize("single", [True, False])
-def test_beyond_a_number_of_looks_few_plans_are_improved(
-    single: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    problem = sample_searches(20, 30, 1, single=single)
-    best = problem.expect(plan_search(problem))
-    monkeypatch.setattr(plans, "_THOROUGH", 10)
-    for several in (100, 10):
-        monkeypatch.setattr(plans, "_SEVERAL", several)
-        found = plan_search(problem)
-        assert (np.sort(found, axis=1) == np.arange(30)).all()
-        assert (problem.expect(found) / best - 1).mean() < 0.02
 
 
 @pytest.mark.parametrize(("rooms", "robots"), [(4, 1), (9, 1), (14, 1), (60, 1), (9, 2)])

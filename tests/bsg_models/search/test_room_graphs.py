@@ -1,4 +1,4 @@
-"""Worlds, which depend on their recipe alone, and the ways in them, against networkx."""
+"""Worlds, which depend on their recipe alone, and the ways in them, against SciPy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bsg_models.search.knowledge import find_costs, find_ways
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     WorldRecipe,
-    measure_rooms,
+    measure_travel,
     parse_world,
     sample_travel,
 )
@@ -62,14 +62,14 @@ def test_a_layout_in_two_parts_is_its_larger_part() -> None:
         np.array(["layout", "layout", "layout", "layout", "stairs"]),  # the last is of a mesh
         np.array([3.0, 1.0, 2.0, np.nan, 1.0]),  # one is of unknown length
     )
-    graph = measure_rooms(connections, nodes=7, kind="layout")
-    assert np.flatnonzero(graph.rooms).tolist() == [3, 4, 5]
-    assert graph.travel(2).costs[1, 3, 5] == 3.0
-    meshed = measure_rooms(connections, nodes=7, kind="geometry")
-    assert np.flatnonzero(meshed.rooms).tolist() == [5, 6]
-    nothing = Connections.of_pairs(())
+    travel, rooms = measure_travel(connections, nodes=7, episodes=2, kind="layout")
+    assert np.flatnonzero(rooms).tolist() == [3, 4, 5]
+    assert travel.costs[1, 3, 5] == 3.0
+    _, meshed = measure_travel(connections, nodes=7, episodes=2, kind="geometry")
+    assert np.flatnonzero(meshed).tolist() == [5, 6]
     for nodes in (1, 7):
-        assert not measure_rooms(nothing, nodes=nodes, kind="layout").rooms.any()
+        nothing = Connections.of_pairs(())
+        assert not measure_travel(nothing, nodes=nodes, episodes=2, kind="layout")[1].any()
 
 
 def test_the_first_wanted_room_on_the_way_by_hand() -> None:

@@ -36,7 +36,7 @@ TASKS: tuple[Task, ...] = ("single", "all")
 def fix_beliefs(presence: Floats) -> Beliefs:
     """Return beliefs that exploration does not change."""
 
-    def answer(rows: npt.NDArray[np.int64], explored: object, *, shares: bool = True) -> Answer:
+    def answer(rows: npt.NDArray[np.int64], explored: object) -> Answer:
         return presence[rows], presence[rows]
 
     return answer

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bsg_data.arrays import Bools, Ints
 from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_models.rendering.replay import Replay
-from bsg_models.search.knowledge import Knowledge, find_ways
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import find_ways
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.search.simulator import Episodes, Step
+from bsg_models.search.simulator import Answer, Episodes, Robot, Step, search
 from bsg_models.studies.replay import LEAST_ENTERED, _list_visits, replay_search
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_request import StudyRecipe
@@ -42,32 +44,8 @@ def show(
     )
 
 
-def step(presence: list[float], here: int, entered: int) -> Step:
-    """Return a step towards room 3."""
-    shown = np.array([presence])[:, :, None]
-    travel = find_ways(CORRIDOR[None])
-    known = Knowledge(
-        task="single",
-        here=np.array([here]),
-        ways=travel.costs,
-        rows=np.array([0]),
-        unexplored=shown[:, :, 0] > 0,
-        wanted=np.ones((1, 1), dtype=bool),
-        presence=shown,
-        share=None,
-    )
-    return Step(
-        rows=np.array([0]),
-        known=known,
-        target=np.array([3]),
-        entered=np.array([entered]),
-        towards=travel.steps[[0], :, 3],
-    )
-
-
 def test_a_walk_by_hand() -> None:
     """Room 2 is on the way to room 3, which holds what is sought; most frequent classes first."""
-    walk = [step([0, 0, 0.9, 0.9], 1, 2), step([0, 0, 0, 0.6], 2, 3)]
     cells = np.array([[0, 0], [0, 1], [0, 2], [1, 5]])
     episode = Episodes(
         travel=find_ways(CORRIDOR[None]),
@@ -76,11 +54,19 @@ def test_a_walk_by_hand() -> None:
         artifacts=np.array([[0]]),
         instances=cells[None, :, :1],
     )
-    start, between, end = _list_visits(walk, episode, cells, "ab")
+
+    def believe(rows: Ints, explored: Bools) -> Answer:
+        presence = np.array([[0, 0, 0.5, 0.6 if explored[0, 2] else 0.9]])[..., None]
+        return presence, presence
+
+    steps: list[Step] = []
+    robot = {0: Robot(PLANNERS["greedy-belief"], "single")}
+    search(episode, robot, beliefs=believe, watch=lambda _, step: steps.append(step))
+    start, between, end = _list_visits(steps, episode, cells, "ab")
     assert (start.room, start.way, start.cost, start.target, start.leg) == (1, (), 0, 3, 5)
     assert (between.room, between.way, between.cost, between.leg) == (2, (2,), 2, 3)
     assert (end.room, end.way, end.cost, end.target, end.leg) == (3, (3,), 5, None, None)
-    assert [visit.presence for visit in (start, between)] == [(0, 0.9, 0.9), (0, 0, 0.6)]
+    assert [visit.presence for visit in (start, between)] == [(0, 0.5, 0.9), (0, 0, 0.6)]
     assert end.seen == (("a", 1), ("b", 5))
     assert (start.found, between.found, end.found) == ((), (), ("a",))
 

@@ -24,6 +24,8 @@ from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 from bsg_robot.graph.reports import enter
 
+STOVE, MIRROR = 35, 21
+
 
 def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
     """Return the partial graph after the robot has seen all objects of a room."""
@@ -39,83 +41,52 @@ def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> Parti
     return enter(known, room_index, hidden_share=ShareBelief(0.0))
 
 
-@pytest.mark.parametrize("name", ["mixture", "universal"])
-def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "mask"),
+    [
+        ("mixture", MaskRecipe(seed=4)),
+        ("universal", MaskRecipe(seed=4)),
+        ("gamma-poisson", MaskRecipe(strategy="explore", withhold=0.2, parts=True)),
+    ],
+)
+def test_beliefs_are_those_of_the_partial_graph(
+    name: str, mask: MaskRecipe, dataset: Path, tmp_path: Path
+) -> None:
+    """Room by room, also in rooms that it had searched before and of classes that are withheld."""
     config = find_config(name)
     few = config.training.model_copy(update={"epochs": 2, "validate_every": 1})
-    config = config.model_copy(
-        update={"training": few, "data": config.data.model_copy(update={"min_scenes": 1})}
-    )
+    data = config.data.model_copy(update={"min_scenes": 1})
+    config = config.model_copy(update={"training": few, "data": data})
     list(train_run(config, dataset, tmp_path / "run"))
     path = tmp_path / "run" / BEST
-    data, mask, stove = Dataset.open(dataset), MaskRecipe(seed=4), 35
-    graph = max(read_scene_graphs(dataset), key=lambda one: len(one.rooms))
-    model = restore_model(path, load_checkpoint(path))
+    graph = max(read_scene_graphs(dataset), key=lambda graph: len(graph.rooms))
+    searches = [(0, STOVE), (1, STOVE), (0, MIRROR)]
+    draws, artifacts = np.array(searches).T
     beliefs = ModelBeliefs(
-        model,
-        data=data,
+        restore_model(path, load_checkpoint(path)),
+        data=Dataset.open(dataset),
         scene_id=graph.scene_id,
         mask=mask,
-        draws=np.array([0, 1, 0]),
-        artifacts=np.array([stove, stove, 3]),
+        draws=draws,
+        artifacts=artifacts,
     )
-    nodes = 1 + len(graph.rooms)
-    explored = np.zeros((3, nodes), dtype=bool)
-    explored[:, 2] = explored[1, 4] = True
-    presence, share = beliefs(np.arange(3), explored)
-    assert share is not None
     predictor, class_space = Predictor(path), read_manifest(dataset).class_space
-    for e, (draw, artifact) in enumerate([(0, stove), (1, stove), (0, 3)]):
+    for row, (draw, artifact) in enumerate(searches):
         known = mask_scene(graph, mask, draw=draw, class_space=class_space)
-        kept = tuple(obj for obj in known.objects if obj.class_index != artifact)
-        known = replace(known, objects=kept)
-        for room in np.flatnonzero(explored[e]).tolist():
-            known = enter_room(known, graph, room)
-        found = predictor(known, withheld=[artifact])
-        open_ = ~explored[e]
-        open_[0] = False  # the building, where no robot looks
-        np.testing.assert_allclose(
-            presence[e, open_, 0], found.presence[open_, artifact], rtol=1e-4, atol=1e-6
-        )
-        np.testing.assert_allclose(
-            share[e, open_, 0], found.distribution[open_, artifact], rtol=1e-4, atol=1e-6
-        )
-    again, _ = beliefs(np.array([1]), explored[[1]])
-    np.testing.assert_array_equal(again[0], presence[1])
-    explored[:, 3] = True  # a state that was not asked for its shares is asked for them later
-    alone, nothing = beliefs(np.arange(3), explored, shares=False)
-    assert nothing is None
-    with_shares, share = beliefs(np.arange(3), explored)
-    assert share is not None
-    np.testing.assert_allclose(alone, with_shares, rtol=1e-6)
-
-
-def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path, run: Path) -> None:
-    """Also in rooms that it had searched before, and of classes that the mask withheld."""
-    data, mirror, draw = Dataset.open(dataset), 21, 1
-    mask = MaskRecipe(strategy="explore", withhold=0.2, parts=True)
-    graph = max(read_scene_graphs(dataset), key=lambda one: len(one.rooms))
-    class_space = read_manifest(dataset).class_space
-    known = mask_scene(graph, mask, draw=draw, class_space=class_space)
-    kept = tuple(obj for obj in known.objects if obj.class_index != mirror)
-    known = replace(known, objects=kept)
-    share = np.array([known.hidden_share, *(room.hidden_share for room in known.rooms)])
-    classes = np.isin(np.arange(45), list_withheld(mask, known, draw=draw))
-    withheld = classes & (share > 0)[:, None]
-    withheld[:, mirror] = True
-    beliefs = ModelBeliefs(
-        restore_model(run / BEST, load_checkpoint(run / BEST)),
-        data=data,
-        scene_id=graph.scene_id,
-        mask=mask,
-        draws=np.array([draw]),
-        artifacts=np.array([mirror]),
-    )
-    explored = np.zeros((1, 1 + len(graph.rooms)), dtype=bool)
-    for room in (3, 1, 5):
-        explored[0, room] = True
-        known, withheld[room] = enter_room(known, graph, room), False
-        found = Predictor(run)(known, withheld=withheld).presence[:, mirror]
-        presence, _ = beliefs(np.array([0]), explored)
-        open_ = ~explored[0] & (np.arange(explored.shape[1]) > 0)
-        np.testing.assert_allclose(presence[0, open_, 0], found[open_], rtol=1e-4)
+        objects = tuple(obj for obj in known.objects if obj.class_index != artifact)
+        known = replace(known, objects=objects)
+        share = np.array([known.hidden_share, *(room.hidden_share for room in known.rooms)])
+        classes = np.isin(np.arange(45), list_withheld(mask, known, draw=draw))
+        withheld = classes & (share > 0)[:, None]
+        withheld[:, artifact] = True
+        explored = np.zeros((1, 1 + len(graph.rooms)), dtype=bool)
+        for room in (3, 1, 5):
+            explored[0, room] = True
+            known, withheld[room] = enter_room(known, graph, room), False
+            found, is_open = predictor(known, withheld=withheld), ~explored[0]
+            is_open[0] = False  # the building, where no robot looks
+            presence, share = beliefs(np.array([row]), explored)
+            for shown, expected in ((presence, found.presence), (share, found.distribution)):
+                np.testing.assert_allclose(
+                    shown[0, is_open, 0], expected[is_open, artifact], rtol=1e-4, atol=1e-6
+                )
