@@ -31,7 +31,7 @@ from bsg_data.inputs.parquet import refusing_damage
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction, Truth
 
 NODE = ("scene_id", "draw", "node_index")
 KEYS = (*NODE, "class")
@@ -174,9 +174,9 @@ class PredictionWriter:
                 self._writer.close()
             return stack.__exit__(*raised)
 
-    def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Write the expectation of some masked buildings; each begins with its building node."""
-        table = _tabulate(truth, expectation, self._classes)
+    def add(self, prediction: Prediction) -> None:
+        """Write what is expected of some masked buildings; each begins with its building node."""
+        table = _tabulate(prediction.truth, prediction.expectation, self._classes)
         table = table.replace_schema_metadata(self._metadata)
         if self._writer is None:
             self._writer = pq.ParquetWriter(self._partial, table.schema, compression="zstd")

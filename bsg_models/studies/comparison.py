@@ -19,14 +19,13 @@ from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import PairsRecipe
 from bsg_data.records import Record
-from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
 from bsg_models.evaluation.details import Details, ShownNodes
-from bsg_models.evaluation.measurement import Fold, measure_models
+from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.predictions import AlignedPredictions
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
@@ -150,7 +149,7 @@ def compare_runs(
     Args:
         request: what to compare, on which buildings; no file that it names is written.
         write: called with the pairs, a run's name and a fold; returns a writer of its predictions.
-        progress: called with (masked buildings done, in all), over all models.
+        progress: called with (masked buildings done, in all).
 
     Raises:
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
@@ -199,29 +198,30 @@ def _measure(
     progress: Callable[[int, int], None] | None,
 ) -> dict[str, Bootstrap]:
     """Measure models and baselines; keep the details, and write what runs predict."""
-    done, written = 0, {run.name for run in runs} if write else set()
+    done, written = 0, [run.name for run in runs] if write else []
 
-    def predict(name: str, fold: int | None) -> Iterator[tuple[Truth, Expectation]]:
+    def predict(fold: int | None) -> Iterator[dict[str, Prediction]]:
         nonlocal done
-        model = models[name] if name in models else _fit_baseline(name, pairs.data, fold)
-        writer = write(pairs, name, fold) if write and name in written else None
-        for truth, expectation in pairs.predict(model, fold):
-            yield truth, expectation
-            details[name].add(truth, expectation)
-            if writer is not None:
-                writer.add(truth, expectation)
-            done += int(truth.is_building.sum())
-            if progress is not None:
-                progress(done, len(details) * len(pairs.survey))
-
-    return measure_models(
-        {
-            name: [
-                Fold(tuple(rows.scene_id.unique()), predict(name, fold))
-                for fold, rows in pairs.surveys.items()
-            ]
+        own = {
+            name: models[name] if name in models else _fit_baseline(name, pairs.data, fold)
             for name in details
-        },
+        }
+        writers = {name: write(pairs, name, fold) for name in written} if write else {}
+        for batch in pairs.predict(own, fold):
+            yield batch
+            for name, prediction in batch.items():
+                details[name].add(prediction)
+                if name in writers:
+                    writers[name].add(prediction)
+            done += int(next(iter(batch.values())).truth.is_building.sum())
+            if progress is not None:
+                progress(done, len(pairs.survey))
+
+    return measure(
+        [
+            Fold(tuple(rows.scene_id.unique()), predict(fold))
+            for fold, rows in pairs.surveys.items()
+        ],
         resamples=request.resamples if len(pairs.buildings) > 1 else 0,  # one has no interval
     )
 

@@ -8,9 +8,9 @@ PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folde
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import predict_all, read_truth
 from bsg_models.evaluation.prediction_files import PredictionWriter, read_predictions
 from bsg_models.evaluation.predictions import AlignedPredictions, align
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
 from bsg_models.inputs.graphs import stream_split
 from bsg_models.zoo.model import BeliefModel
@@ -99,17 +99,20 @@ class MeasuredPairs:
             )
 
     def predict(
-        self, model: BeliefModel | AlignedPredictions, fold: int | None
-    ) -> Iterator[tuple[Truth, Expectation]]:
-        """Yield the truth of the pairs of a fold, and what a model or a file expects."""
-        vocabulary: tuple[str, ...] = ()
-        expect: Callable[[MaskedBuildings], Expectation]
-        if isinstance(model, BeliefModel):
-            vocabulary, expect = model.vocabulary, partial(predict_all, model)
-        else:
-            expect = model.expect
-        for masked in self.stream(fold, vocabulary=vocabulary):
-            yield read_truth(masked), expect(masked)
+        self, models: Mapping[str, BeliefModel | AlignedPredictions], fold: int | None
+    ) -> Iterator[dict[str, Prediction]]:
+        """Yield what models and files expect of the pairs of a fold, some buildings at a time."""
+        read = {name: getattr(model, "vocabulary", ()) for name, model in models.items()}
+        streams = {
+            words: self.stream(fold, vocabulary=words) for words in dict.fromkeys(read.values())
+        }
+        for batch in zip(*streams.values(), strict=True):
+            masked = dict(zip(streams, batch, strict=True))
+            truths = {words: read_truth(some) for words, some in masked.items()}
+            yield {
+                name: Prediction(truths[read[name]], _expect(model, masked[read[name]]))
+                for name, model in models.items()
+            }
 
     def read_entry(self, path: Path) -> tuple[str, AlignedPredictions, dict[str, Any]]:
         """Read a file of predictions, or a folder of them, for the nodes that are measured.
@@ -168,3 +171,7 @@ class MeasuredPairs:
                 f"{self.data.path}: no building of the split {self.split!r} has pairs"
             )
         return pd.concat(frames, ignore_index=True)
+
+
+def _expect(model: BeliefModel | AlignedPredictions, masked: MaskedBuildings) -> Expectation:
+    return predict_all(model, masked) if isinstance(model, BeliefModel) else model.expect(masked)

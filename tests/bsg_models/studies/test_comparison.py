@@ -26,6 +26,7 @@ from bsg_data.scene.class_space import load_class_space
 from bsg_models.errors import CheckpointError, PredictionError
 from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.evaluation.verdict import HEADLINES, headline_rows, metric_rows
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
@@ -61,8 +62,8 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
     graphs = read_split(Dataset.open(dataset), "val")
     truth = read_truth(graphs)
     doubled = make_model(find_config("doubled"), classes=45)
-    fold = Fold(truth.scene_ids, [(truth, predict_all(doubled, graphs))])
-    for name, value in measure([fold]).point.items():
+    fold = Fold(truth.scene_ids, [{"": Prediction(truth, predict_all(doubled, graphs))}])
+    for name, value in measure([fold])[""].point.items():
         assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)
     assert len(found.classes) == 6 * 2 * 45
     assert found.facts["buildings"] == 1
@@ -173,13 +174,13 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         model = make_model(find_config("gamma-poisson"), classes=45)
         model.fit(data, DataConfig(fold=fold))
         masked = read_split(data, "test", fold=fold)
-        truth, expectation = read_truth(masked), predict_all(model, masked)
-        measured.append(Fold(truth.scene_ids, [(truth, expectation)]))
+        prediction = Prediction(read_truth(masked), predict_all(model, masked))
+        measured.append(Fold(prediction.truth.scene_ids, [{"": prediction}]))
         with MeasuredPairs(data, "test", (fold,)).open_entry(tmp_path, "mine", fold) as writer:
-            writer.add(truth, expectation)
+            writer.add(prediction)
     mine = [tmp_path / "mine"]
     every = compare([], dataset, predictions=mine, resamples=0)
-    point = measure(measured).point
+    point = measure(measured)[""].point
     for name in ("rooms/presence_ap_micro/all", "all/correlation_frobenius"):
         assert every.estimates["mine"][name].value == pytest.approx(point[name])
         assert every.estimates["gamma-poisson"][name].value == pytest.approx(point[name])
@@ -188,7 +189,8 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
     run = train(dataset, tmp_path / "run", "data.fold=1")
     one = compare([run], dataset, predictions=mine, resamples=0)
     name = "rooms/presence_brier/all"
-    assert one.estimates["mine"][name].value == pytest.approx(measure([measured[1]]).point[name])
+    of_fold = measure([measured[1]])[""].point[name]
+    assert one.estimates["mine"][name].value == pytest.approx(of_fold)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(seed=1), draws=4), force=True)
     with pytest.raises(PredictionError):  # they are for other masks
         compare([], dataset, predictions=mine, resamples=0)

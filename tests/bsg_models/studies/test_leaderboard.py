@@ -172,12 +172,13 @@ def measure_seed(data: Dataset, seed: int, name: str) -> Bootstrap:
     """Measure the runs of one seed on the pairs of a leaderboard's dataset."""
     runs = [run_of(data.path.parent, name, fold, seed=seed) for fold in range(len(data.splits))]
     pairs = MeasuredPairs(data, "test", tuple(range(len(data.splits))))
-    return measure(
+    (found,) = measure(
         [
             Fold(scenes_of(data, "test", fold=fold), leaderboard._predict(run, pairs, fold))
             for fold, run in enumerate(runs)
         ]
-    )
+    ).values()
+    return found
 
 
 def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
