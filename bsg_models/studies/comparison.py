@@ -69,6 +69,8 @@ class EvaluationRequest(Record):
     def _has_something_to_measure(self) -> EvaluationRequest:
         if not self.runs and not self.predictions:
             raise ValueError("name a run or predictions")
+        if self.write_predictions == self.folder:
+            raise ValueError("write predictions into another folder than the results")
         return self
 
     @property

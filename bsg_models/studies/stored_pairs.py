@@ -1,9 +1,6 @@
 """The stored pairs that models are measured on: what is in them, and predictions for them.
 
 A dataset without a split is measured whole, under masks that are drawn for it.
-
-PREDICTIONS/MODEL.parquet           of a model trained on the train split
-PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folder is one entry
 """
 
 from __future__ import annotations
@@ -140,10 +137,9 @@ class MeasuredPairs:
         name = path.stem if path.is_file() else resolve_links(path).name
         return name, align(predictions, masked, classes, elsewhere=self._list_elsewhere()), facts
 
-    def open_entry(self, folder: Path, name: str, fold: int | None) -> PredictionWriter:
-        """Open a writer of a run's expectations as an entry, which appears when it closes."""
-        stem, classes = stem_of(name), self.data.manifest.class_space.classes
-        path = folder / (f"{stem}.parquet" if fold is None else f"{stem}/fold-{fold}.parquet")
+    def open_entry(self, path: Path) -> PredictionWriter:
+        """Open a writer of a run's expectations."""
+        classes = self.data.manifest.class_space.classes
         return PredictionWriter(path, classes, masks_sha256=self.masks_sha256)
 
     def _list_elsewhere(self) -> set[str]:
@@ -175,3 +171,8 @@ class MeasuredPairs:
 
 def _expect(model: BeliefModel | AlignedPredictions, masked: MaskedBuildings) -> Expectation:
     return predict_all(model, masked) if isinstance(model, BeliefModel) else model.expect(masked)
+
+
+def name_entry(name: str, fold: int | None) -> str:
+    """Return the file of a run's expectations; those of all folds are one entry, a folder."""
+    return f"{stem_of(name)}.parquet" if fold is None else f"{stem_of(name)}/fold-{fold}.parquet"

@@ -105,16 +105,3 @@ def test_a_shipped_model_is_measured_by_its_name(
     report = json.loads(Path("other/evaluation/evaluation.json").read_text("utf-8"))
     assert report["runs"]["ceci"]["folder"] == "other"
     assert "did you mean other?" in run(dataset, "--model", "othr", "--out", "x", code=1).stderr
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_json_and_twins(dataset: Path, trained: Path, tmp_path: Path) -> None:
-    twins = [Path(shutil.copytree(trained, tmp_path / up / "run")) for up in ("a", "b")]
-    models = [word for one in (trained, *twins) for word in ("--model", one)]
-    words = [dataset, *models, "--out", tmp_path / "e"]
-    report = json.loads(run(*words, "--split", "val", "--json").stdout)
-    assert report["split"] == "val"
-    assert report["metrics"]["rooms/hidden_nll"]["ceci (run)"]["low"] is None
-    assert [*report["runs"]] == ["ceci (run)", "ceci (run)-2", "ceci (run)-3"]
-    assert "--force" in run(*words, code=1).stderr
-    assert "rooms/wasserstein_values/kurtosis" in report["metrics"]

@@ -76,15 +76,6 @@ def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
     assert found["rooms/correlation_frobenius"] == pytest.approx(frobenius)
 
 
-def test_nodes_are_counted_as_each_metric_uses_them(truth: Truth) -> None:
-    beliefs = believe(truth)
-    _, nodes = evaluate(truth, beliefs)
-    assert nodes["rooms/wasserstein_values/mean"] == 18
-    wanted = (truth.hidden > 0) & (truth.inputs == 0)
-    rooms = wanted[~truth.is_building].any(axis=1).sum()
-    assert nodes["rooms/top3_unseen"] == rooms
-
-
 def test_errors_per_class_by_hand(truth: Truth) -> None:
     beliefs = believe(truth)
     errors = Details()

@@ -95,10 +95,3 @@ def test_a_metric_of_a_package_is_shown_and_judged_if_it_has_a_better_side(
         assert not any("signed" in label for some in verdicts.values() for label in some)
     finally:
         registry._installed.cache_clear()
-
-
-def test_a_second_run_is_judged_beside_the_first() -> None:
-    three = {"ours": measured(1.0), "theirs": measured(0.5), "doubled": measured(0.1)}
-    _, (heading, verdicts) = judge_all(three, runs=["ours", "theirs"]).items()
-    assert heading.startswith("theirs, compared with ours (")
-    assert verdicts["better"][0] == "NLL, rooms"

@@ -33,7 +33,7 @@ from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel, Kind
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
 from bsg_models.studies.evaluation_report import _encode_comparison
-from bsg_models.studies.stored_pairs import MeasuredPairs
+from bsg_models.studies.stored_pairs import MeasuredPairs, name_entry
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
@@ -151,7 +151,7 @@ def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_
     data, name = Dataset.open(dataset), "gamma-poisson (run)"
     path = tmp_path / "mine.parquet"
     request = EvaluationRequest(runs=(run,), dataset=dataset, resamples=2)
-    with MeasuredPairs(data, "test", (None,)).open_entry(tmp_path, "mine", None) as writer:
+    with MeasuredPairs(data, "test", (None,)).open_entry(path) as writer:
         compare_runs(request, write=lambda pairs, name, fold: writer)
     both = compare([run], dataset, predictions=[path, path], resamples=2)
     assert both.runs == (name, "mine", "mine-2")
@@ -176,7 +176,9 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         masked = read_split(data, "test", fold=fold)
         prediction = Prediction(read_truth(masked), predict_all(model, masked))
         measured.append(Fold(prediction.truth.scene_ids, [{"": prediction}]))
-        with MeasuredPairs(data, "test", (fold,)).open_entry(tmp_path, "mine", fold) as writer:
+        path = tmp_path / name_entry("mine", fold)
+        path.parent.mkdir(exist_ok=True)
+        with MeasuredPairs(data, "test", (fold,)).open_entry(path) as writer:
             writer.add(prediction)
     mine = [tmp_path / "mine"]
     every = compare([], dataset, predictions=mine, resamples=0)
