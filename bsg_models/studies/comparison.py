@@ -41,7 +41,7 @@ from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.settings import DataConfig
 
 WHOLE = "whole dataset"  # instead of a split
-_MOST_SHOWN = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
+_SHOWN_LIMIT = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
 
 
 class EvaluationRequest(Record):
@@ -170,7 +170,7 @@ def compare_runs(
     details = _prepare_details(pairs, models)
     bootstraps = _measure(request, pairs, models, details, runs, write, progress)
     classes = data.manifest.class_space.classes
-    tables = [one.tabulate(name, classes) for name, one in details.items()]
+    tables = [own.tabulate(name, classes) for name, own in details.items()]
     return Comparison(
         runs=tuple(models),
         bootstraps=bootstraps,
@@ -237,17 +237,17 @@ def _prepare_details(pairs: MeasuredPairs, models: Mapping[str, _Model]) -> dict
 
 def _stride(pairs: MeasuredPairs) -> int:
     """Return the number k such that every k-th masked building is shown."""
-    return max(1, -(-int((pairs.survey.rooms + 1).sum()) // _MOST_SHOWN))
+    return max(1, -(-int((pairs.survey.rooms + 1).sum()) // _SHOWN_LIMIT))
 
 
 def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Run]:
     found = [find_model(run) for run in runs]
-    checkpoints = [load_checkpoint(one.path) for one in found]
-    for one, checkpoint in zip(found, checkpoints, strict=True):
+    checkpoints = [load_checkpoint(model.path) for model in found]
+    for model, checkpoint in zip(found, checkpoints, strict=True):
         space = checkpoint.header.class_space
-        require_class_space(data.manifest, space, what=f"checkpoint {one.path}")
-    names = _name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
-    return [_Run(*one) for one in zip(names, found, checkpoints, strict=True)]
+        require_class_space(data.manifest, space, what=f"checkpoint {model.path}")
+    names = _name_runs([(model, c.header) for model, c in zip(found, checkpoints, strict=True)])
+    return list(map(_Run, names, found, checkpoints))
 
 
 def _name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
@@ -269,7 +269,7 @@ def _name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str
 
 def _first_free(name: str, taken: Collection[str]) -> str:
     """Return a name, or the first of `name-2`, `name-3` … whose files would have another name."""
-    stems = {stem_of(one) for one in taken}
+    stems = {stem_of(other) for other in taken}
     free, number = name, 2
     while stem_of(free) in stems:
         free, number = f"{name}-{number}", number + 1

@@ -36,10 +36,10 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, hold
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.places import refuse_datasets
+from bsg_data.places import RESULTS, refuse_datasets
 from bsg_data.recipes import MAX_SEED, Fraction, MaskRecipe, PairsRecipe, Seed, SplitRecipe
 from bsg_data.records import Record
-from bsg_data.results import write_folder
+from bsg_data.results import recover, write_folder
 from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
 from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.evaluation.truth import Prediction
@@ -223,7 +223,10 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
 
 
 def _train(run: Path, dataset: Path, config: RunConfig) -> None:
-    """Train a run, unless that is done."""
+    """Train a run, unless that is done; what a killed training put in place is finished first."""
+    run.parent.mkdir(parents=True, exist_ok=True)
+    with hold(run):
+        recover(run, RESULTS)
     if not is_finished(run, config, Dataset.open(dataset)):
         train_run(config, dataset, run, force=True)
 
