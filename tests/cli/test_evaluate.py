@@ -16,7 +16,7 @@ from bsg_cli.evaluate import main
 from bsg_data.files import FigureError, write_figure
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.seal import read_seal
-from bsg_models.evaluation.catalogue import head_value
+from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
 
@@ -55,6 +55,8 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path, tmp_path: Path
     nll = report["metrics"]["rooms/hidden_nll"]
     assert set(nll) == {"ceci", *BASELINES}
     assert nll["ceci"]["low"] is nll["ceci"]["high"] is None  # of one building
+    assert report["metrics"]["rooms/presence_brier/unvisited"]["ceci"]["value"] is None
+    assert tuple(report["metrics"]) == list_values()
     assert report["draws"] == 4
     assert report["runs"]["ceci"]["config"]["model"]["width"] == 8
     assert report["runs"]["ceci"]["folder"] == "run"

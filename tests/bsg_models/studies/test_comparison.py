@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,15 +23,12 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_space import load_class_space
 from bsg_models.errors import CheckpointError, PredictionError
-from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.evaluation.truth import Prediction
-from bsg_models.evaluation.verdict import HEADLINES, headline_rows, metric_rows
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel, Kind
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
-from bsg_models.studies.evaluation_report import _encode_comparison
 from bsg_models.studies.stored_pairs import MeasuredPairs, name_entry
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
@@ -92,26 +88,6 @@ def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> N
     assert compare(runs[:1], dataset, resamples=0).facts["fold"] == 0
     with pytest.raises(CheckpointError, match="test on different folds"):
         compare(runs, dataset, resamples=0)
-
-
-def test_what_a_comparison_leaves(dataset: Path, run: Path) -> None:
-    compared = compare([run], dataset, split="val", resamples=4)
-    (ours,), models = compared.runs, list(compared.estimates)
-    report = json.loads(json.dumps(_encode_comparison(compared), allow_nan=False))
-    assert report["split"] == "val"
-    assert tuple(report["metrics"]) == list_values()
-    nll = compared.estimates[ours]["rooms/hidden_nll"]
-    by_hand = {"value": nll.value, "low": None, "high": None, "nodes": nll.nodes}  # 1 building
-    assert report["metrics"]["rooms/hidden_nll"][ours] == by_hand
-    assert report["metrics"]["rooms/presence_brier/unvisited"][ours]["value"] is None
-    rows = headline_rows(compared.estimates)  # uniform masks leave no room unvisited
-    names = (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"])
-    assert [row[0] for row in rows] == [head_value(name) for name in names]
-    assert {len(row) for row in rows} == {1 + len(models)}
-    every = {row[0]: row[1:] for row in metric_rows(compared.estimates)}
-    assert tuple(every) == list_values()
-    assert every["rooms/presence_brier/unvisited"][1:] == ["–"] * len(models)
-    assert every["rooms/hidden_nll"] == [str(nll.nodes), *rows[0][1:]]
 
 
 SPACE = load_class_space()

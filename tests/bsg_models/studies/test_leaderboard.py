@@ -13,7 +13,6 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
-from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import Fold, measure
@@ -35,7 +34,6 @@ from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config
 from bsg_models.zoo.ensemble import is_by_seed
-from bsg_models.zoo.settings import DataConfig
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
 MIXED = (
@@ -125,20 +123,6 @@ def test_a_copy_of_another_dataset_is_refused(
     build_dataset(HM3DFolder(hm3d_folder), tmp_path / "other")
     with pytest.raises(DatasetError):
         make_leaderboard(tmp_path / "other", tmp_path / "board", models, recipe)
-
-
-def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
-    recipe = LeaderboardRecipe(fraction=0.3, seed=7)
-    fitted = _fit_to(find_config("ceci-sage"), recipe, mask="rooms", fold=2)
-    assert fitted.data.mask == MaskRecipe(strategy="rooms", fraction=0.3, seed=7)
-    assert (fitted.data.fold, fitted.seed) == (2, 7)
-    own = _fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
-    assert own.data.mask == MaskRecipe(strategy="mixed", withhold=0.05, seed=8)
-    # Its checkpoint is read again: what a search withholds is in the mask then.
-    searching = configure("ceci-sage", "data.withhold=0.08")
-    fitted = _fit_to(searching, recipe, mask="rooms", fold=0)
-    assert fitted.data.mask.withhold == 0.08
-    assert DataConfig.model_validate(fitted.data.model_dump()) == fitted.data
 
 
 SEEDED: Mapping[str, RunConfig] = {
