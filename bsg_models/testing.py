@@ -237,8 +237,8 @@ class MetricContract:
 
 def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Measured:
     """Return a row of `METRICS` for the buildings of the first batch, under weights `[B, W]`."""
-    fold = Fold(batches[0].truth.scene_ids, [(one.truth, one.expectation) for one in batches])
-    (values,) = measure_fold([fold], weights)
+    fold = Fold(batches[0].truth.scene_ids, [{"": batch} for batch in batches])
+    values = measure_fold(fold, weights)[""]
     return {value: values[value] for value in values if value.split("/")[1] == name}
 
 

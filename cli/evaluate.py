@@ -63,7 +63,7 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
     from bsg_models.studies.comparison import EvaluationRequest
     from bsg_models.studies.evaluation_report import report_evaluation
 
-    models = tuple(Path(one) if Path(one).exists() else one for one in model)
+    models = tuple(Path(name) if Path(name).exists() else name for name in model)
     recipe = bsg_data.MaskRecipe(strategy=options.pop("mask"), fraction=options.pop("fraction"))
     fresh = bsg_data.PairsRecipe(mask=recipe)
     request = EvaluationRequest(runs=models, fresh=fresh, **options)

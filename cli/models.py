@@ -43,7 +43,7 @@ def list_models(as_json: bool) -> None:
 
     models = list_shipped()
     if as_json:
-        print_json([model.model_dump(mode="json", exclude={"card", "config"}) for model in models])
+        print_json([model.model_dump(mode="json", exclude={"card"}) for model in models])
         return
     if not models:
         print_note("no models are shipped with this build")

@@ -134,10 +134,12 @@ def average_seeds(trained: Sequence[Bootstrap], *, seed: int = 0) -> Bootstrap:
     drawn = rng.integers(number, size=(resamples, number))
     resampled = {}
     for name in first.resampled:
-        values = np.stack([one.resampled[name] for one in trained], axis=1)
+        values = np.stack([model.resampled[name] for model in trained], axis=1)
         resampled[name] = np.take_along_axis(values, drawn, axis=1).mean(axis=1)
     return Bootstrap(
-        point={name: float(np.mean([one.point[name] for one in trained])) for name in first.point},
+        point={
+            name: float(np.mean([model.point[name] for model in trained])) for name in first.point
+        },
         resampled=resampled,
         nodes=first.nodes,
     )

@@ -44,10 +44,10 @@ class Details:
         self._found: int | None = None
         self._parts: list[tuple[Floats, Floats, Floats, Bools]] = []
 
-    def add(self, truth: Truth, expectation: Expectation) -> None:
+    def add(self, prediction: Prediction) -> None:
         """Add some masked buildings; each begins with its building node."""
+        truth, expectation = prediction.truth, prediction.expectation
         error = np.where(truth.known, expectation.totals - truth.targets, 0.0)
-        prediction = Prediction(truth, expectation)
         for name in RANKED:
             rows = prediction.rows[name]
             some = error[rows]

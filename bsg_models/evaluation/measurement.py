@@ -46,61 +46,46 @@ def predict_all(model: BeliefModel, masked: MaskedBuildings) -> Expectation:
 
 
 class Fold(NamedTuple):
-    """What one training of a model is measured on."""
+    """What models are measured on, all on the same nodes."""
 
     scene_ids: Sequence[str]  # `[B]` of all its buildings
-    # of some nodes, in any order; read once, and not kept
-    batches: Iterable[tuple[Truth, Expectation]]
+    # name of a model → its prediction of some nodes, in any order; read once, and not kept
+    batches: Iterable[Mapping[str, Prediction]]
 
 
-def measure(folds: Sequence[Fold], *, resamples: int = 0, seed: int = 0) -> Bootstrap:
-    """Return every metric of a model, mean over the folds, and its value on every resample.
+def measure(folds: Sequence[Fold], *, resamples: int = 0, seed: int = 0) -> dict[str, Bootstrap]:
+    """Return every metric of each model, mean over the folds, and its value on every resample.
 
     A building has one weight in all folds that it is in. Scores of models trained separately for
     each fold cannot be pooled: a ranking or correlation over two trainings describes neither. A
     fold in which a metric is not defined, or of which a resample has no building, is left out of
     that mean.
     """
-    return measure_models({"": folds}, resamples=resamples, seed=seed)[""]
-
-
-def measure_models(
-    models: Mapping[str, Sequence[Fold]], *, resamples: int = 0, seed: int = 0
-) -> dict[str, Bootstrap]:
-    """Return what `measure` does of models that have the same folds, in batches of the same nodes.
-
-    The models take turns, batch by batch: so what they all read of a dataset is read once.
-    """
-    folds = list(zip(*models.values(), strict=True))  # each of all models
-    scenes = [of_models[0].scene_ids for of_models in folds]
-    weights = _weigh_folds(scenes, resamples=resamples, seed=seed)
+    weights = _weigh_folds([fold.scene_ids for fold in folds], resamples=resamples, seed=seed)
     with one_thread():
         measured = [measure_fold(*both) for both in zip(folds, weights, strict=True)]
     drawn = np.stack([own.any(axis=0) for own in weights])
-    return {
-        name: _average(of_folds, drawn) for name, *of_folds in zip(models, *measured, strict=True)
-    }
+    return {name: _average([fold[name] for fold in measured], drawn) for name in measured[0]}
 
 
-def measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[Measured]:
+def measure_fold(fold: Fold, weights: Weights) -> dict[str, Measured]:
     """Return every value of each model in a fold under weights `[B, W]` of its buildings."""
     rows, _ = METRICS.load_all()
-    number_of = {scene: number for number, scene in enumerate(of_models[0].scene_ids)}
-    scores = [
-        (NodeMoments(rows, weights), PresenceScores(weights), Correlations(weights))
-        for _ in of_models
-    ]
-    for batches in zip(*(fold.batches for fold in of_models), strict=True):
-        for (truth, expectation), own in zip(batches, scores, strict=True):
-            numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
-            prediction = Prediction(truth, expectation)
-            for score in own:
-                score.add(prediction, numbers[truth.building])
-    names = list_values()
-    measured = []
-    for own in scores:
+    names, number_of = list_values(), {scene: place for place, scene in enumerate(fold.scene_ids)}
+    scores: dict[str, tuple[NodeMoments, PresenceScores, Correlations]] = {}
+    for batch in fold.batches:
+        for name, prediction in batch.items():
+            if name not in scores:
+                means = NodeMoments(rows, weights)
+                scores[name] = means, PresenceScores(weights), Correlations(weights)
+            truth = prediction.truth
+            building = np.array([number_of[scene] for scene in truth.scene_ids])[truth.building]
+            for score in scores[name]:
+                score.add(prediction, building)
+    measured = {}
+    for name, own in scores.items():
         found = {name_value(*key): value for score in own for key, value in score.finish().items()}
-        measured.append({name: found[name] for name in names})
+        measured[name] = {value: found[value] for value in names}
     return measured
 
 

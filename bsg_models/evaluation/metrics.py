@@ -74,7 +74,7 @@ def correlation_matrix(counts: Floats) -> Floats:
     """
     # Covariance does not depend on the origin; near the mean it loses the fewest digits.
     rows = np.column_stack([np.ones(len(counts)), counts - counts.mean(axis=0)])
-    return correlate_sums((rows.T @ rows)[None])[0]
+    return np.asarray(correlate_sums((rows.T @ rows)[None])[0])
 
 
 def correlate_sums(products: Floats) -> Floats:
@@ -87,7 +87,7 @@ def correlate_sums(products: Floats) -> Floats:
     scale = np.where(spread, np.sqrt(np.where(spread, variance, 1.0)), 1.0)
     correlation = covariance / (scale[:, :, None] * scale[:, None, :])
     correlation = np.where(spread[:, :, None] & spread[:, None, :], correlation, 0.0)
-    return np.where(np.eye(correlation.shape[1], dtype=bool), 1.0, correlation)
+    return np.asarray(np.where(np.eye(correlation.shape[1], dtype=bool), 1.0, correlation))
 
 
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:

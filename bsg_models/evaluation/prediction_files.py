@@ -14,8 +14,7 @@ The metadata `bsg.masks_sha256` may hold the hash of the masks, which is then co
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,12 +25,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.arrays import Bools
-from bsg_data.files import open_beside
 from bsg_data.inputs.parquet import refusing_damage
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction, Truth
 
 NODE = ("scene_id", "draw", "node_index")
 KEYS = (*NODE, "class")
@@ -55,7 +53,7 @@ class Predictions:
     @property
     def exactly(self) -> list[str]:
         """The columns p0, p1, …, in order."""
-        return _list_exactly(list(self.rows))
+        return _list_exactly(self.rows.columns)
 
 
 def read_predictions(path: Path) -> Predictions:
@@ -75,7 +73,7 @@ def read_predictions(path: Path) -> Predictions:
     return Predictions(path, tuple(files), rows.assign(presence=rows.presence.clip(upper=1)), masks)
 
 
-def _list_exactly(columns: Sequence[str]) -> list[str]:
+def _list_exactly(columns: Collection[object]) -> list[str]:
     """Return p0, p1, … as far as there is no gap."""
     number = next(n for n in range(len(columns) + 1) if f"p{n}" not in columns)
     return [f"p{count}" for count in range(number)]
@@ -108,7 +106,7 @@ def _list_rules(rows: pd.DataFrame) -> Iterator[tuple[str, Any, Bools, str]]:
     if "total" in rows:
         total = rows["total"].to_numpy()
         yield "total", total, np.abs(total) <= _LARGEST, "a finite number below 1e9"
-    exactly = [rows[name].to_numpy() for name in _list_exactly(list(rows))]
+    exactly = [rows[name].to_numpy() for name in _list_exactly(rows.columns)]
     for number, chance in enumerate([presence, *exactly], -1):
         name = "presence" if number < 0 else f"p{number}"
         yield name, chance, (chance >= 0) & (chance <= 1 + 1e-6), "a probability, 0 to 1,"
@@ -145,41 +143,34 @@ def refuse_row(rows: pd.DataFrame, wrong: Bools, *, expected: str, found: Any = 
 class PredictionWriter:
     """Writer of expectations of masked buildings, with p0 to p15; see `read_predictions`.
 
-    It is a context manager: the file appears when the context ends without an error.
+    It is a context manager, which closes the file.
 
     Args:
         path: of the file.
         classes: `[C]` names.
         masks_sha256: hash of the masks.
-
-    Attributes:
-        path: of the file.
     """
 
     def __init__(self, path: Path, classes: Sequence[str], *, masks_sha256: str) -> None:
-        self.path, self._classes = path, tuple(classes)
+        self._path, self._classes = path, tuple(classes)
         self._metadata = {_MASKS: masks_sha256}
-        self._stack = ExitStack()
         self._writer: pq.ParquetWriter | None = None
 
     def __enter__(self) -> PredictionWriter:
-        """Start the file."""
-        self._partial = self._stack.enter_context(open_beside(self.path))
+        """Return the writer."""
         return self
 
-    def __exit__(self, *raised: Any) -> bool | None:
-        """Put the file in its place, unless there was an error."""
-        with self._stack.pop_all() as stack:
-            if self._writer is not None:
-                self._writer.close()
-            return stack.__exit__(*raised)
+    def __exit__(self, *raised: object) -> None:
+        """Close the file."""
+        if self._writer is not None:
+            self._writer.close()
 
-    def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Write the expectation of some masked buildings; each begins with its building node."""
-        table = _tabulate(truth, expectation, self._classes)
+    def add(self, prediction: Prediction) -> None:
+        """Write what is expected of some masked buildings; each begins with its building node."""
+        table = _tabulate(prediction.truth, prediction.expectation, self._classes)
         table = table.replace_schema_metadata(self._metadata)
         if self._writer is None:
-            self._writer = pq.ParquetWriter(self._partial, table.schema, compression="zstd")
+            self._writer = pq.ParquetWriter(self._path, table.schema, compression="zstd")
         self._writer.write_table(table)
 
 

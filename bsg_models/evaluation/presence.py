@@ -152,7 +152,8 @@ class PresenceHistograms:
 
 def _rank(cells: _Counts, weights: Weights, own: Ints, *, classes: int) -> Ranks:
     """Return the ranks of all cells, and of those of each class, `own` class by class."""
-    bins, hidden, building, counts = (np.tile(column, 2) for column in cells)
+    bins, building, counts = (np.tile(column, 2) for column in (cells[0], *cells[2:]))
+    hidden = np.tile(cells[1], 2)
     group, groups = np.concatenate([np.zeros_like(own), 1 + own]), 1 + classes
     keys = group * BINS + (BINS - 1 - bins)
     filled = np.unique(keys[hidden])  # only these bins add to either

@@ -80,7 +80,7 @@ def judge_all(
         other = bootstraps["doubled" if is_first else runs[0]]
         rival = "doubling what was seen" if is_first else runs[0]
         labels: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
-        for name in list_headlines(one.point for one in bootstraps.values()):
+        for name in list_headlines(model.point for model in bootstraps.values()):
             has_side = find_value(name)[0].less is not None
             if has_side and not np.isnan(bootstraps[run].point[name] - other.point[name]):
                 labels[_judge(bootstraps[run], other, name)].append(label_value(name))
@@ -102,9 +102,9 @@ def list_headlines(points: Iterable[Mapping[str, float]]) -> list[str]:
 
 def headline_rows(estimates: Mapping[str, Mapping[str, Estimate]]) -> list[list[str]]:
     """Return one row per headline metric: its label, and the value of every model."""
-    points = ({name: one.value for name, one in own.items()} for own in estimates.values())
+    points = ({name: e.value for name, e in values.items()} for values in estimates.values())
     return [
-        [head_value(name), *(own[name].show() for own in estimates.values())]
+        [head_value(name), *(values[name].show() for values in estimates.values())]
         for name in list_headlines(points)
     ]
 
@@ -113,8 +113,8 @@ def metric_rows(estimates: Mapping[str, Mapping[str, Estimate]]) -> list[list[st
     """Return one row per metric: its name, its number of nodes, and the value of every model."""
     first = next(iter(estimates.values()))
     return [
-        [name, str(one.nodes), *(own[name].show() for own in estimates.values())]
-        for name, one in first.items()
+        [name, str(e.nodes), *(values[name].show() for values in estimates.values())]
+        for name, e in first.items()
     ]
 
 

@@ -29,7 +29,6 @@ from bsg_models.runs.found_model import (
     FoundModel,
     Kind,
     find_model,
-    find_shipped,
     read_shipped_card,
     shipped_names,
 )
@@ -51,6 +50,11 @@ _CANNOT = (
 )
 
 
+def _is_strict(licence: str) -> bool:
+    """Say whether SPDX does not list a licence."""
+    return licence.startswith(LICENCE_REF) or licence == UNKNOWN
+
+
 class ModelCard(Record):
     """The facts of a card."""
 
@@ -64,14 +68,14 @@ class ModelCard(Record):
 
         Licences that SPDX does not list, and unknown terms, count as more restrictive.
         """
-        every = dict.fromkeys((one.licence, one.licence_url) for one in self.trained_on)
-        strict = [one for one in every if one[0].startswith(LICENCE_REF) or one[0] == UNKNOWN]
+        every = dict.fromkeys((source.licence, source.licence_url) for source in self.trained_on)
+        strict = [terms for terms in every if _is_strict(terms[0])]
         return tuple(strict or every) or ((UNKNOWN, ""),)
 
     @property
     def is_restricted(self) -> bool:
         """Whether the weights have terms of their own, or unknown ones; not if SPDX lists them."""
-        return any(name.startswith(LICENCE_REF) or name == UNKNOWN for name, _ in self.licences)
+        return any(_is_strict(name) for name, _ in self.licences)
 
     @property
     def licence(self) -> str:
@@ -81,7 +85,7 @@ class ModelCard(Record):
     @property
     def data(self) -> str:
         """The training data, as a phrase: `145 buildings of hm3d and 37 of behavior`."""
-        parts = [f"{one.buildings} of {one.source}" for one in self.trained_on]
+        parts = [f"{source.buildings} of {source.source}" for source in self.trained_on]
         if not parts:
             return "buildings that nobody named"
         parts[0] = parts[0].replace(" of", " buildings of", 1)
@@ -143,14 +147,18 @@ def write_card(
     if accuracy:
         lines += ["## Accuracy", "", accuracy, ""]
     if measured:
-        lines += ["## Training data in the weights", "", *(f"{one}\n" for one in measured)]
+        lines += [
+            "## Training data in the weights",
+            "",
+            *(f"{sentence}\n" for sentence in measured),
+        ]
     lines += ["## Limits", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
     return "\n".join(lines)
 
 
 def _front_matter(card: ModelCard) -> dict[str, Any]:
     names = [name for name, _ in card.licences]
-    listed = len(names) == 1 and not names[0].startswith(LICENCE_REF) and names[0] != UNKNOWN
+    listed = len(names) == 1 and not _is_strict(names[0])
     licence: dict[str, Any] = {"license": names[0].lower() if listed else "other"}
     if not listed:
         licence["license_name"] = ", ".join(name.removeprefix(LICENCE_REF) for name in names)
@@ -172,19 +180,19 @@ def _describe_sources(card: ModelCard) -> list[str]:
         ]
     rows = [
         (
-            escape_markdown(one.source),
-            one.buildings,
-            _link(one.licence, one.licence_url),
-            escape_markdown(one.citation),
+            escape_markdown(source.source),
+            source.buildings,
+            _link(source.licence, source.licence_url),
+            escape_markdown(source.citation),
         )
-        for one in card.trained_on
+        for source in card.trained_on
     ]
     table = format_markdown(rows, header=("source", "buildings", "licence", "citation"))
     lines = [*table, ""]
     lines += [
-        f"{escape_markdown(one.source)}: {escape_markdown(one.sentence)}\n"
-        for one in card.trained_on
-        if one.sentence
+        f"{escape_markdown(source.source)}: {escape_markdown(source.sentence)}\n"
+        for source in card.trained_on
+        if source.sentence
     ]
     restricted = any(name.startswith(LICENCE_REF) for name, _ in card.licences)
     lines.append(
@@ -233,7 +241,6 @@ class ModelSummary(Record):
     class_space_sha256: str  # of the names of its classes
     classes: int  # number of classes
     dataset_sha256: str  # of the manifest of its training data
-    config: dict[str, Any]  # of the run that trained it; newer settings are missing
     bytes: int  # of its checkpoint
     sha256: str  # of its checkpoint
     data: str  # its training data, in words
@@ -244,22 +251,16 @@ class ModelSummary(Record):
 
 def list_shipped() -> list[ModelSummary]:
     """Return the facts of every shipped model, in the listed order."""
-    return [_summarise(FoundModel(find_shipped(n), n, "shipped")) for n in shipped_names()]
+    return [summarise_model(name) for name in shipped_names()]
 
 
-def summarise_model(model: AnyPath | FoundModel = DEFAULT_MODEL) -> ModelSummary:
-    """Return the facts of a model, without loading its weights.
-
-    Args:
-        model: what `find_model` takes, or what it returned.
+def summarise_model(model: AnyPath = DEFAULT_MODEL) -> ModelSummary:
+    """Return the facts of a model, as `find_model` finds it, without loading its weights.
 
     Raises:
         CheckpointError: if there is no such model, or its header or card is damaged.
     """
-    return _summarise(model if isinstance(model, FoundModel) else find_model(model))
-
-
-def _summarise(found: FoundModel) -> ModelSummary:
+    found = find_model(model)
     fields = read_fields(found.path)
     space, config = fields["class_space"], fields["config"]
     text = write_model_card(found, fields)
@@ -272,7 +273,6 @@ def _summarise(found: FoundModel) -> ModelSummary:
         class_space_sha256=space["sha256"],
         classes=len(space["classes"]),
         dataset_sha256=fields["dataset_sha256"],
-        config=config,
         bytes=found.path.stat().st_size,
         sha256=hash_file(found.path),
         data=card.data,

@@ -183,11 +183,11 @@ def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
     The user's own maps come first, in the order of the dataset's sources; if two list a word, the
     earlier decides. HM3D's words are added unless every source has a map of the user's own.
     """
-    own = [one for one in header.class_maps if isinstance(one, OwnMap)]
-    named = [one for one in header.class_maps if isinstance(one, str)]
+    own = [entry for entry in header.class_maps if isinstance(entry, OwnMap)]
+    named = [entry for entry in header.class_maps if isinstance(entry, str)]
     space = header.class_space
     try:
-        maps = [parse_own_map(one) for one in own]
+        maps = [parse_own_map(entry) for entry in own]
         if not own or any(name in published_maps() for name in named):
             maps.append(load_class_map(map_into(space.name)))
         joined = join_maps(*maps)

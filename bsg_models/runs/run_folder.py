@@ -53,7 +53,9 @@ def encode_metrics(reports: Iterable[EpochReport], *, header: bool = True) -> st
     writer = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
     if header:
         writer.writeheader()
-    writer.writerows({**one.model_dump(), "seconds": f"{one.seconds:.4f}"} for one in reports)
+    writer.writerows(
+        {**report.model_dump(), "seconds": f"{report.seconds:.4f}"} for report in reports
+    )
     return text.getvalue()
 
 
@@ -78,9 +80,9 @@ def list_trained_on(data: Dataset, scenes: Collection[str]) -> tuple[TrainedOn, 
         TrainedOn(
             source=kind,
             buildings=buildings[kind],
-            **({name: getattr(said, name) for name in names} if said else {}),
+            **({name: getattr(found, name) for name in names} if found else {}),
         )
-        for kind, said in terms.items()
+        for kind, found in terms.items()
         if buildings[kind]
     )
 
@@ -98,7 +100,7 @@ def list_outdated(run: Path) -> tuple[Path, ...]:
     weights = (read_seal(run) or {}).get(BEST)
     reports = [run / name / f"{name}.json" for name in ("evaluation", "search")]
     measured = {
-        path.parent: parse_json(path.read_bytes())["checkpoints_sha256"]
+        path.parent: parse_json(path.read_bytes()).get("checkpoints_sha256", [weights])
         for path in reports
         if weights and path.is_file()
     }

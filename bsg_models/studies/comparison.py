@@ -19,14 +19,13 @@ from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import PairsRecipe
 from bsg_data.records import Record
-from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
 from bsg_models.evaluation.details import Details, ShownNodes
-from bsg_models.evaluation.measurement import Fold, measure_models
+from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.predictions import AlignedPredictions
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
@@ -41,7 +40,7 @@ from bsg_models.zoo.model import BeliefModel, make_model
 from bsg_models.zoo.settings import DataConfig
 
 WHOLE = "whole dataset"  # instead of a split
-_MOST_SHOWN = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
+_SHOWN_LIMIT = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
 
 
 class EvaluationRequest(Record):
@@ -69,6 +68,8 @@ class EvaluationRequest(Record):
     def _has_something_to_measure(self) -> EvaluationRequest:
         if not self.runs and not self.predictions:
             raise ValueError("name a run or predictions")
+        if self.write_predictions == self.folder:
+            raise ValueError("write predictions into another folder than the results")
         return self
 
     @property
@@ -149,7 +150,7 @@ def compare_runs(
     Args:
         request: what to compare, on which buildings; no file that it names is written.
         write: called with the pairs, a run's name and a fold; returns a writer of its predictions.
-        progress: called with (masked buildings done, in all), over all models.
+        progress: called with (masked buildings done, in all).
 
     Raises:
         CheckpointError: if a run cannot be loaded, or the runs were trained for different folds.
@@ -168,7 +169,7 @@ def compare_runs(
     details = _prepare_details(pairs, models)
     bootstraps = _measure(request, pairs, models, details, runs, write, progress)
     classes = data.manifest.class_space.classes
-    tables = [one.tabulate(name, classes) for name, one in details.items()]
+    tables = [own.tabulate(name, classes) for name, own in details.items()]
     return Comparison(
         runs=tuple(models),
         bootstraps=bootstraps,
@@ -198,29 +199,30 @@ def _measure(
     progress: Callable[[int, int], None] | None,
 ) -> dict[str, Bootstrap]:
     """Measure models and baselines; keep the details, and write what runs predict."""
-    done, written = 0, {run.name for run in runs} if write else set()
+    done, written = 0, [run.name for run in runs] if write else []
 
-    def predict(name: str, fold: int | None) -> Iterator[tuple[Truth, Expectation]]:
+    def predict(fold: int | None) -> Iterator[dict[str, Prediction]]:
         nonlocal done
-        model = models[name] if name in models else _fit_baseline(name, pairs.data, fold)
-        writer = write(pairs, name, fold) if write and name in written else None
-        for truth, expectation in pairs.predict(model, fold):
-            yield truth, expectation
-            details[name].add(truth, expectation)
-            if writer is not None:
-                writer.add(truth, expectation)
-            done += int(truth.is_building.sum())
-            if progress is not None:
-                progress(done, len(details) * len(pairs.survey))
-
-    return measure_models(
-        {
-            name: [
-                Fold(tuple(rows.scene_id.unique()), predict(name, fold))
-                for fold, rows in pairs.surveys.items()
-            ]
+        own = {
+            name: models[name] if name in models else _fit_baseline(name, pairs.data, fold)
             for name in details
-        },
+        }
+        writers = {name: write(pairs, name, fold) for name in written} if write else {}
+        for batch in pairs.predict(own, fold):
+            yield batch
+            for name, prediction in batch.items():
+                details[name].add(prediction)
+                if name in writers:
+                    writers[name].add(prediction)
+            done += int(next(iter(batch.values())).truth.is_building.sum())
+            if progress is not None:
+                progress(done, len(pairs.survey))
+
+    return measure(
+        [
+            Fold(tuple(rows.scene_id.unique()), predict(fold))
+            for fold, rows in pairs.surveys.items()
+        ],
         resamples=request.resamples if len(pairs.buildings) > 1 else 0,  # one has no interval
     )
 
@@ -234,17 +236,17 @@ def _prepare_details(pairs: MeasuredPairs, models: Mapping[str, _Model]) -> dict
 
 def _stride(pairs: MeasuredPairs) -> int:
     """Return the number k such that every k-th masked building is shown."""
-    return max(1, -(-int((pairs.survey.rooms + 1).sum()) // _MOST_SHOWN))
+    return max(1, -(-int((pairs.survey.rooms + 1).sum()) // _SHOWN_LIMIT))
 
 
 def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Run]:
     found = [find_model(run) for run in runs]
-    checkpoints = [load_checkpoint(one.path) for one in found]
-    for one, checkpoint in zip(found, checkpoints, strict=True):
+    checkpoints = [load_checkpoint(model.path) for model in found]
+    for model, checkpoint in zip(found, checkpoints, strict=True):
         space = checkpoint.header.class_space
-        require_class_space(data.manifest, space, what=f"checkpoint {one.path}")
-    names = _name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
-    return [_Run(*one) for one in zip(names, found, checkpoints, strict=True)]
+        require_class_space(data.manifest, space, what=f"checkpoint {model.path}")
+    names = _name_runs([(model, c.header) for model, c in zip(found, checkpoints, strict=True)])
+    return list(map(_Run, names, found, checkpoints))
 
 
 def _name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
@@ -266,7 +268,7 @@ def _name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str
 
 def _first_free(name: str, taken: Collection[str]) -> str:
     """Return a name, or the first of `name-2`, `name-3` … whose files would have another name."""
-    stems = {stem_of(one) for one in taken}
+    stems = {stem_of(other) for other in taken}
     free, number = name, 2
     while stem_of(free) in stems:
         free, number = f"{name}-{number}", number + 1

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.files import encode_json, resolve_links, write_bytes
+from bsg_data.files import encode_json, write_bytes
 from bsg_data.places import refuse_datasets
 from bsg_data.results import was_stopped, write_files, write_results
 from bsg_models.belief.belief_graph import believe
@@ -29,7 +28,7 @@ from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, compare_runs
-from bsg_models.studies.stored_pairs import MeasuredPairs
+from bsg_models.studies.stored_pairs import MeasuredPairs, name_entry
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"
 
@@ -70,9 +69,14 @@ def report_evaluation(
         write_files(pages, force=force, left=left) as beside,
     ):
         with ExitStack() as opened:
-            begin = partial(_begin_entry, request, staged, opened, left)
-            writes = begin if request.write_predictions else None
-            comparison = compare_runs(request, write=writes, progress=progress)
+
+            def begin(pairs: MeasuredPairs, name: str, fold: int | None) -> PredictionWriter:
+                path = (request.write_predictions or folder) / name_entry(name, fold)
+                files = opened.enter_context(write_files([path], force=force, left=left))
+                return opened.enter_context(pairs.open_entry(files[path]))
+
+            write = begin if request.write_predictions else None
+            comparison = compare_runs(request, write=write, progress=progress)
         summary, notes = _encode_comparison(comparison), list[str]()
         figures = _draw(staged, comparison, notes)
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
@@ -99,25 +103,6 @@ def _draw(folder: Path, comparison: Comparison, notes: list[str]) -> dict[str, P
             notes=notes,
         ).items()
     }
-
-
-def _begin_entry(
-    request: EvaluationRequest,
-    staged: Path,
-    opened: ExitStack,
-    left: bool,
-    pairs: MeasuredPairs,
-    name: str,
-    fold: int | None,
-) -> PredictionWriter:
-    """Open the writer of a run's predictions, which may be part of the results."""
-    into = Path(request.write_predictions or "")
-    is_part = resolve_links(into) == resolve_links(request.folder)
-    writer = pairs.open_entry(staged if is_part else into, name, fold)
-    if not is_part:
-        files = opened.enter_context(write_files([writer.path], force=request.force, left=left))
-        writer.path = files[writer.path]
-    return opened.enter_context(writer)
 
 
 def _write_page(

@@ -36,14 +36,13 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, hold
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.places import refuse_datasets
+from bsg_data.places import RESULTS, refuse_datasets
 from bsg_data.recipes import MAX_SEED, Fraction, MaskRecipe, PairsRecipe, Seed, SplitRecipe
 from bsg_data.records import Record
-from bsg_data.results import write_folder
-from bsg_models.belief.expectation import Expectation
+from bsg_data.results import recover, write_folder
 from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
 from bsg_models.evaluation.measurement import Fold, measure
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, read_record
@@ -223,7 +222,10 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
 
 
 def _train(run: Path, dataset: Path, config: RunConfig) -> None:
-    """Train a run, unless that is done."""
+    """Train a run, unless that is done; what a killed training put in place is finished first."""
+    run.parent.mkdir(parents=True, exist_ok=True)
+    with hold(run):
+        recover(run, RESULTS)
     if not is_finished(run, config, Dataset.open(dataset)):
         train_run(config, dataset, run, force=True)
 
@@ -241,12 +243,13 @@ def _measure(
             Fold(scenes_of(pairs.data, "test", fold=fold), _predict(run, pairs, fold))
             for fold, run in enumerate(runs)
         ]
-        found.append(measure(folds, resamples=recipe.resamples, seed=recipe.seed))
+        (measured,) = measure(folds, resamples=recipe.resamples, seed=recipe.seed).values()
+        found.append(measured)
         seconds += sum(record.seconds for record in map(read_record, runs) if record)
     mean = seconds / (seeds * recipe.folds)
     return ModelResult(average_seeds(found, seed=recipe.seed), mean, own, seeds)
 
 
-def _predict(run: Path, pairs: MeasuredPairs, fold: int) -> Iterator[tuple[Truth, Expectation]]:
+def _predict(run: Path, pairs: MeasuredPairs, fold: int) -> Iterator[dict[str, Prediction]]:
     model = restore_model(run / BEST, load_checkpoint(run / BEST))
-    yield from pairs.predict(model, fold)
+    yield from pairs.predict({"": model}, fold)

@@ -103,7 +103,7 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
     return {
         "recipe": board.recipe.model_dump(mode="json"),
         "dataset": {
-            "sources": [one.model_dump(mode="json") for one in board.manifest.sources],
+            "sources": [source.model_dump(mode="json") for source in board.manifest.sources],
             "class_space": board.manifest.class_space.name,
             "scenes": board.manifest.totals.scenes,
             "rooms": board.manifest.totals.rooms,

@@ -1,16 +1,13 @@
 """The stored pairs that models are measured on: what is in them, and predictions for them.
 
 A dataset without a split is measured whole, under masks that are drawn for it.
-
-PREDICTIONS/MODEL.parquet           of a model trained on the train split
-PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folder is one entry
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +26,7 @@ from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import predict_all, read_truth
 from bsg_models.evaluation.prediction_files import PredictionWriter, read_predictions
 from bsg_models.evaluation.predictions import AlignedPredictions, align
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
 from bsg_models.inputs.graphs import stream_split
 from bsg_models.zoo.model import BeliefModel
@@ -99,17 +96,20 @@ class MeasuredPairs:
             )
 
     def predict(
-        self, model: BeliefModel | AlignedPredictions, fold: int | None
-    ) -> Iterator[tuple[Truth, Expectation]]:
-        """Yield the truth of the pairs of a fold, and what a model or a file expects."""
-        vocabulary: tuple[str, ...] = ()
-        expect: Callable[[MaskedBuildings], Expectation]
-        if isinstance(model, BeliefModel):
-            vocabulary, expect = model.vocabulary, partial(predict_all, model)
-        else:
-            expect = model.expect
-        for masked in self.stream(fold, vocabulary=vocabulary):
-            yield read_truth(masked), expect(masked)
+        self, models: Mapping[str, BeliefModel | AlignedPredictions], fold: int | None
+    ) -> Iterator[dict[str, Prediction]]:
+        """Yield what models and files expect of the pairs of a fold, some buildings at a time."""
+        read = {name: getattr(model, "vocabulary", ()) for name, model in models.items()}
+        streams = {
+            words: self.stream(fold, vocabulary=words) for words in dict.fromkeys(read.values())
+        }
+        for batch in zip(*streams.values(), strict=True):
+            masked = dict(zip(streams, batch, strict=True))
+            truths = {words: read_truth(some) for words, some in masked.items()}
+            yield {
+                name: Prediction(truths[read[name]], _expect(model, masked[read[name]]))
+                for name, model in models.items()
+            }
 
     def read_entry(self, path: Path) -> tuple[str, AlignedPredictions, dict[str, Any]]:
         """Read a file of predictions, or a folder of them, for the nodes that are measured.
@@ -137,10 +137,9 @@ class MeasuredPairs:
         name = path.stem if path.is_file() else resolve_links(path).name
         return name, align(predictions, masked, classes, elsewhere=self._list_elsewhere()), facts
 
-    def open_entry(self, folder: Path, name: str, fold: int | None) -> PredictionWriter:
-        """Open a writer of a run's expectations as an entry, which appears when it closes."""
-        stem, classes = stem_of(name), self.data.manifest.class_space.classes
-        path = folder / (f"{stem}.parquet" if fold is None else f"{stem}/fold-{fold}.parquet")
+    def open_entry(self, path: Path) -> PredictionWriter:
+        """Open a writer of a run's expectations."""
+        classes = self.data.manifest.class_space.classes
         return PredictionWriter(path, classes, masks_sha256=self.masks_sha256)
 
     def _list_elsewhere(self) -> set[str]:
@@ -168,3 +167,12 @@ class MeasuredPairs:
                 f"{self.data.path}: no building of the split {self.split!r} has pairs"
             )
         return pd.concat(frames, ignore_index=True)
+
+
+def _expect(model: BeliefModel | AlignedPredictions, masked: MaskedBuildings) -> Expectation:
+    return predict_all(model, masked) if isinstance(model, BeliefModel) else model.expect(masked)
+
+
+def name_entry(name: str, fold: int | None) -> str:
+    """Return the file of a run's expectations; those of all folds are one entry, a folder."""
+    return f"{stem_of(name)}.parquet" if fold is None else f"{stem_of(name)}/fold-{fold}.parquet"

@@ -40,10 +40,10 @@ from results import ResultsTable, format_estimate, is_told_apart, write_figures
 
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.surroundings import EVIDENCE
-from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.evaluation.measurement import Fold, measure_models, predict_all, read_truth
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.measurement import Fold, predict_all, read_truth
+from bsg_models.evaluation.measurement import measure as measure_models
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import read_header
@@ -181,7 +181,7 @@ def report_labels(options: argparse.Namespace) -> Tables:
         print(f"measures {name} by label", file=sys.stderr, flush=True)
         folds = list(open_folds(options.leaderboard, name, options.folds))
         found = measure_models(
-            {kind: [_fold_of(one, kind, options) for one in folds] for kind in LABELS},
+            [Fold(one.scenes, _predict_by_label(one, options)) for one in folds],
             resamples=options.resamples,
         )
         cells = [
@@ -200,16 +200,17 @@ def report_labels(options: argparse.Namespace) -> Tables:
     return [unseen_table("AUROC of rooms not entered, by label", header, rows, reading)]
 
 
-def _fold_of(one: FoldModel, kind: str, options: argparse.Namespace) -> Fold:
-    """Return a fold in which rooms of another kind than one of `LABELS` count as visited."""
-
-    def batches() -> Iterator[tuple[Truth, Expectation]]:
-        for masked in one.stream(mask_of(one.data, "rooms"), draws=options.draws):
-            truth, labelled = read_truth(masked), masked.seen.surroundings.labels.any(axis=1)
-            others = {"all": False, "labelled": ~labelled, "unlabelled": labelled}[kind]
-            yield replace(truth, visited=truth.visited | others), predict_all(one.model, masked)
-
-    return Fold(one.scenes, batches())
+def _predict_by_label(
+    one: FoldModel, options: argparse.Namespace
+) -> Iterator[dict[str, Prediction]]:
+    """Yield kind of rooms → predictions of which rooms of other kinds count as visited."""
+    for masked in one.stream(mask_of(one.data, "rooms"), draws=options.draws):
+        truth, labelled = read_truth(masked), masked.seen.surroundings.labels.any(axis=1)
+        expectation = predict_all(one.model, masked)
+        yield {
+            kind: Prediction(replace(truth, visited=truth.visited | others), expectation)
+            for kind, others in zip(LABELS, (False, ~labelled, labelled), strict=True)
+        }
 
 
 def report_rooms_found(options: argparse.Namespace) -> Tables:
@@ -505,8 +506,9 @@ def _stored(options: argparse.Namespace, name: str, split: Split) -> Bootstrap:
     for one in open_folds(options.leaderboard, name, options.folds):
         masked = read_split(data, split, fold=one.fold, vocabulary=one.model.vocabulary)
         truth = read_truth(masked)
-        folds.append(Fold(truth.scene_ids, [(truth, predict_all(one.model, masked))]))
-    return measure_models({name: folds}, resamples=options.resamples)[name]
+        prediction = Prediction(truth, predict_all(one.model, masked))
+        folds.append(Fold(truth.scene_ids, [{name: prediction}]))
+    return measure_models(folds, resamples=options.resamples)[name]
 
 
 def report_paper_search(options: argparse.Namespace, artifacts: str = "room-specific") -> Tables:

@@ -16,7 +16,7 @@ from bsg_cli.evaluate import main
 from bsg_data.files import FigureError, write_figure
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.seal import read_seal
-from bsg_models.evaluation.catalogue import head_value
+from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
 
@@ -55,6 +55,8 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path, tmp_path: Path
     nll = report["metrics"]["rooms/hidden_nll"]
     assert set(nll) == {"ceci", *BASELINES}
     assert nll["ceci"]["low"] is nll["ceci"]["high"] is None  # of one building
+    assert report["metrics"]["rooms/presence_brier/unvisited"]["ceci"]["value"] is None
+    assert tuple(report["metrics"]) == list_values()
     assert report["draws"] == 4
     assert report["runs"]["ceci"]["config"]["model"]["width"] == 8
     assert report["runs"]["ceci"]["folder"] == "run"
@@ -105,16 +107,3 @@ def test_a_shipped_model_is_measured_by_its_name(
     report = json.loads(Path("other/evaluation/evaluation.json").read_text("utf-8"))
     assert report["runs"]["ceci"]["folder"] == "other"
     assert "did you mean other?" in run(dataset, "--model", "othr", "--out", "x", code=1).stderr
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_json_and_twins(dataset: Path, trained: Path, tmp_path: Path) -> None:
-    twins = [Path(shutil.copytree(trained, tmp_path / up / "run")) for up in ("a", "b")]
-    models = [word for one in (trained, *twins) for word in ("--model", one)]
-    words = [dataset, *models, "--out", tmp_path / "e"]
-    report = json.loads(run(*words, "--split", "val", "--json").stdout)
-    assert report["split"] == "val"
-    assert report["metrics"]["rooms/hidden_nll"]["ceci (run)"]["low"] is None
-    assert [*report["runs"]] == ["ceci (run)", "ceci (run)-2", "ceci (run)-3"]
-    assert "--force" in run(*words, code=1).stderr
-    assert "rooms/wasserstein_values/kurtosis" in report["metrics"]

@@ -134,8 +134,9 @@ def test_a_room_is_ranked_with_those_that_have_a_label_or_with_those_that_have_n
     report = load_script("measure/report")
     options = argparse.Namespace(draws=1)
     (one, *_) = open_folds(board, "mixture@rooms")
+    batches = list(report._predict_by_label(one, options))
     entered = {
-        kind: np.concatenate([truth.visited for truth, _ in report._fold_of(one, kind, options)[1]])
+        kind: np.concatenate([batch[kind].truth.visited for batch in batches])
         for kind in report.LABELS
     }
     assert (~entered["all"]).any()

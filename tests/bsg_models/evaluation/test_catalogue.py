@@ -35,9 +35,8 @@ POINT = EntryPoint("overshoot", f"{__name__}:OVERSHOOT", METRICS.group)
 def evaluate(
     prediction: Prediction, weights: Sequence[float] = (1.0, 1.0, 1.0)
 ) -> dict[str, tuple[float, int]]:
-    truth = prediction.truth
-    fold = Fold(truth.scene_ids, [(truth, prediction.expectation)])
-    (values,) = measure_fold([fold], np.array(weights)[:, None])
+    fold = Fold(prediction.truth.scene_ids, [{"": prediction}])
+    values = measure_fold(fold, np.array(weights)[:, None])[""]
     return {name: (float(value[0]), nodes) for name, (value, nodes) in values.items()}
 
 

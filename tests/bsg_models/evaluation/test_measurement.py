@@ -15,10 +15,10 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.bootstrap import weigh_buildings
+from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.details import Details
 from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
-from bsg_models.evaluation.truth import Truth
+from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.testing import MetricContract
 from bsg_models.zoo.config import find_config
@@ -42,12 +42,18 @@ def evaluate(
 ) -> tuple[dict[str, float], dict[str, int]]:
     """Return every metric under one weight for each building, and the nodes behind it."""
     each = np.ones(len(truth.scene_ids)) if weights is None else weights
-    fold = Fold(truth.scene_ids, [(truth, expectation)])
-    (values,) = measure_fold([fold], each[:, None])
+    fold = Fold(truth.scene_ids, [{"": Prediction(truth, expectation)}])
+    values = measure_fold(fold, each[:, None])[""]
     return (
         {name: float(value.weighted[0]) for name, value in values.items()},
         {name: value.nodes for name, value in values.items()},
     )
+
+
+def measure_one(folds: list[Prediction], *, resamples: int) -> Bootstrap:
+    """Return the metrics of one model whose folds have these predictions."""
+    each = [Fold(one.truth.scene_ids, [{"": one}]) for one in folds]
+    return measure(each, resamples=resamples)[""]
 
 
 def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
@@ -70,19 +76,10 @@ def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
     assert found["rooms/correlation_frobenius"] == pytest.approx(frobenius)
 
 
-def test_nodes_are_counted_as_each_metric_uses_them(truth: Truth) -> None:
-    beliefs = believe(truth)
-    _, nodes = evaluate(truth, beliefs)
-    assert nodes["rooms/wasserstein_values/mean"] == 18
-    wanted = (truth.hidden > 0) & (truth.inputs == 0)
-    rooms = wanted[~truth.is_building].any(axis=1).sum()
-    assert nodes["rooms/top3_unseen"] == rooms
-
-
 def test_errors_per_class_by_hand(truth: Truth) -> None:
     beliefs = believe(truth)
     errors = Details()
-    errors.add(truth, beliefs)
+    errors.add(Prediction(truth, beliefs))
     frame = errors.tabulate("m", list("abcde"))
     row = frame[(frame["nodes"] == "building") & (frame["class"] == "c")].iloc[0]
     error = (beliefs.totals - truth.targets)[truth.is_building, 2]
@@ -106,7 +103,7 @@ def test_folds_are_averaged_and_never_pooled(dataset: Path) -> None:
         model.fit(data, DataConfig())
         masked = read_split(data, "test")
         folds.append((read_truth(masked), predict_all(model, masked)))
-    every = measure([Fold(one[0].scene_ids, [one]) for one in folds], resamples=2)
+    every = measure_one([Prediction(*one) for one in folds], resamples=2)
     assert every.point["rooms/presence_auroc_macro/all"] == 0.5
     assert every.point["rooms/presence_auroc_macro/unseen"] == 0.5
     alone = [evaluate(*one) for one in folds]
@@ -138,7 +135,7 @@ def test_a_fold_without_a_building_of_the_resample_is_not_in_its_mean(truth: Tru
             scene_ids=(scene,),
         )
         parts.append((own, beliefs.take(rows)))
-    found = measure([Fold(one[0].scene_ids, [one]) for one in parts], resamples=20)
+    found = measure_one([Prediction(*one) for one in parts], resamples=20)
     first, second = (evaluate(*one)[0][name] for one in parts)
     assert found.point[name] == pytest.approx((first + second) / 2)
     ends = {round(value, 9) for value in found.resampled[name].tolist()}
@@ -167,7 +164,7 @@ def test_every_kth_masked_building_is_kept_and_the_example(
             draw=np.zeros(len(rows), dtype=np.int64),
             scene_ids=scenes if not shift else ("a", "d"),
         )
-        collector.add(truth, Expectation(truth.inputs, poisson(truth.inputs)))
+        collector.add(Prediction(truth, Expectation(truth.inputs, poisson(truth.inputs))))
     shown = collector.shown()
     assert shown.targets[:, 0].tolist() == kept
     assert shown.totals[:, 0].tolist() == [2 * one for one in kept]

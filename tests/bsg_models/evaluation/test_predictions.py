@@ -16,6 +16,7 @@ from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import Fold, measure, read_truth
 from bsg_models.evaluation.prediction_files import read_predictions
 from bsg_models.evaluation.predictions import _log_of_table, _PredictedExpectation, align
+from bsg_models.evaluation.truth import Prediction
 
 CLASSES = ("chair", "bed")
 
@@ -46,7 +47,8 @@ def expect(path: Path, frame: pd.DataFrame) -> _PredictedExpectation:
 def test_metrics_are_what_is_worked_out_by_hand(tmp_path: Path) -> None:
     frame = rows(p0=[0.5, 0.75], p1=[0.25, 0.25])
     expected = expect(tmp_path / "a.parquet", frame)
-    values = measure([Fold(("a",), [(read_truth(two_rooms()), expected)])]).point
+    prediction = Prediction(read_truth(two_rooms()), expected)
+    values = measure([Fold(("a",), [{"": prediction}])])[""].point
     # Cells of the rooms: hidden chair 0.5; bed 0.25, and twice nothing, of which 0 is believed.
     assert values["rooms/presence_brier/all"] == pytest.approx((0.5**2 + 0.25**2) / 4)
     assert values["rooms/presence_auroc_micro/all"] == 1.0

@@ -89,14 +89,6 @@ def test_what_is_cut_off_is_not_read(tmp_path: Path, header: int, size: int) -> 
         load_checkpoint(path)
 
 
-def test_a_checkpoint_of_another_model_is_refused(path: Path) -> None:
-    loaded = load_checkpoint(path)
-    shape = loaded.tensors["model.shape"]
-    for tensors in ({}, {**loaded.tensors, "model.shape": shape[:1]}):
-        with pytest.raises(CheckpointError, match="shape"):
-            restore_model(path, Checkpoint(loaded.header, tensors))
-
-
 def test_a_network_of_another_width_is_refused_in_a_line(dataset: Path) -> None:
     data = Dataset.open(dataset)
     wide = name_tensors("model", new_model(configure("ceci", "model.width=8"), data).state())

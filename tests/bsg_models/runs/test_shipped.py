@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.scene.class_map import map_into
 from bsg_data.seal import read_seal
 from bsg_models.errors import CheckpointError
-from bsg_models.runs import found_model
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.found_model import (
     find_shipped,
-    name_run,
     read_shipped_card,
     shipped_names,
     weights_folder,
@@ -60,35 +57,12 @@ def test_a_shipped_model_answers_and_has_a_card(name: str) -> None:
     assert "building" in summary.card
 
 
-def test_a_shipped_model_is_found_by_its_name(shipped: Path) -> None:
-    assert shipped_names() == ("universal", "other")
-    assert find_shipped("other") == shipped / "other.safetensors"
-    assert name_run(shipped / "other.safetensors") == "other"
-    assert name_run(Path("other.safetensors")) == "other.safetensors", "of another folder"
-    assert read_shipped_card("other") == (shipped / "other.md").read_text("utf-8")
-    with pytest.raises(RecipeError, match="did you mean universal"):
-        find_shipped("universla")
-
-
 def test_a_changed_model_is_refused(shipped: Path) -> None:
     whole = (shipped / "other.safetensors").read_bytes()
     (shipped / "other.safetensors").write_bytes(whole[:-1])
     with pytest.raises(CheckpointError, match="train or install again"):
         Predictor("other")
     assert Predictor().name == "universal"  # the default is another file
-
-
-def test_a_damaged_list_names_the_line(shipped: Path) -> None:
-    (shipped / "SHA256SUMS").write_text(f"{'0' * 64}  a.md\n{'0' * 64}  ../other.md\n", "utf-8")
-    with pytest.raises(DatasetError, match="SHA256SUMS, line 2: expected a sha256"):
-        shipped_names()
-
-
-def test_a_build_without_models_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(found_model, "weights_folder", lambda: tmp_path)
-    assert shipped_names() == ()
-    with pytest.raises(CheckpointError, match="no models are shipped with this build"):
-        Predictor()
 
 
 @pytest.mark.parametrize("name", sorted(PUBLISHED))

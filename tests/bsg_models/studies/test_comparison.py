@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,15 +23,13 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_space import load_class_space
 from bsg_models.errors import CheckpointError, PredictionError
-from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
-from bsg_models.evaluation.verdict import HEADLINES, headline_rows, metric_rows
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel, Kind
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
-from bsg_models.studies.evaluation_report import _encode_comparison
-from bsg_models.studies.stored_pairs import MeasuredPairs
+from bsg_models.studies.stored_pairs import MeasuredPairs, name_entry
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
@@ -61,8 +58,8 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
     graphs = read_split(Dataset.open(dataset), "val")
     truth = read_truth(graphs)
     doubled = make_model(find_config("doubled"), classes=45)
-    fold = Fold(truth.scene_ids, [(truth, predict_all(doubled, graphs))])
-    for name, value in measure([fold]).point.items():
+    fold = Fold(truth.scene_ids, [{"": Prediction(truth, predict_all(doubled, graphs))}])
+    for name, value in measure([fold])[""].point.items():
         assert found.estimates["doubled"][name].value == pytest.approx(value, nan_ok=True)
     assert len(found.classes) == 6 * 2 * 45
     assert found.facts["buildings"] == 1
@@ -91,26 +88,6 @@ def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> N
     assert compare(runs[:1], dataset, resamples=0).facts["fold"] == 0
     with pytest.raises(CheckpointError, match="test on different folds"):
         compare(runs, dataset, resamples=0)
-
-
-def test_what_a_comparison_leaves(dataset: Path, run: Path) -> None:
-    compared = compare([run], dataset, split="val", resamples=4)
-    (ours,), models = compared.runs, list(compared.estimates)
-    report = json.loads(json.dumps(_encode_comparison(compared), allow_nan=False))
-    assert report["split"] == "val"
-    assert tuple(report["metrics"]) == list_values()
-    nll = compared.estimates[ours]["rooms/hidden_nll"]
-    by_hand = {"value": nll.value, "low": None, "high": None, "nodes": nll.nodes}  # 1 building
-    assert report["metrics"]["rooms/hidden_nll"][ours] == by_hand
-    assert report["metrics"]["rooms/presence_brier/unvisited"][ours]["value"] is None
-    rows = headline_rows(compared.estimates)  # uniform masks leave no room unvisited
-    names = (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"])
-    assert [row[0] for row in rows] == [head_value(name) for name in names]
-    assert {len(row) for row in rows} == {1 + len(models)}
-    every = {row[0]: row[1:] for row in metric_rows(compared.estimates)}
-    assert tuple(every) == list_values()
-    assert every["rooms/presence_brier/unvisited"][1:] == ["–"] * len(models)
-    assert every["rooms/hidden_nll"] == [str(nll.nodes), *rows[0][1:]]
 
 
 SPACE = load_class_space()
@@ -150,7 +127,7 @@ def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_
     data, name = Dataset.open(dataset), "gamma-poisson (run)"
     path = tmp_path / "mine.parquet"
     request = EvaluationRequest(runs=(run,), dataset=dataset, resamples=2)
-    with MeasuredPairs(data, "test", (None,)).open_entry(tmp_path, "mine", None) as writer:
+    with MeasuredPairs(data, "test", (None,)).open_entry(path) as writer:
         compare_runs(request, write=lambda pairs, name, fold: writer)
     both = compare([run], dataset, predictions=[path, path], resamples=2)
     assert both.runs == (name, "mine", "mine-2")
@@ -173,13 +150,15 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         model = make_model(find_config("gamma-poisson"), classes=45)
         model.fit(data, DataConfig(fold=fold))
         masked = read_split(data, "test", fold=fold)
-        truth, expectation = read_truth(masked), predict_all(model, masked)
-        measured.append(Fold(truth.scene_ids, [(truth, expectation)]))
-        with MeasuredPairs(data, "test", (fold,)).open_entry(tmp_path, "mine", fold) as writer:
-            writer.add(truth, expectation)
+        prediction = Prediction(read_truth(masked), predict_all(model, masked))
+        measured.append(Fold(prediction.truth.scene_ids, [{"": prediction}]))
+        path = tmp_path / name_entry("mine", fold)
+        path.parent.mkdir(exist_ok=True)
+        with MeasuredPairs(data, "test", (fold,)).open_entry(path) as writer:
+            writer.add(prediction)
     mine = [tmp_path / "mine"]
     every = compare([], dataset, predictions=mine, resamples=0)
-    point = measure(measured).point
+    point = measure(measured)[""].point
     for name in ("rooms/presence_ap_micro/all", "all/correlation_frobenius"):
         assert every.estimates["mine"][name].value == pytest.approx(point[name])
         assert every.estimates["gamma-poisson"][name].value == pytest.approx(point[name])
@@ -188,7 +167,8 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
     run = train(dataset, tmp_path / "run", "data.fold=1")
     one = compare([run], dataset, predictions=mine, resamples=0)
     name = "rooms/presence_brier/all"
-    assert one.estimates["mine"][name].value == pytest.approx(measure([measured[1]]).point[name])
+    of_fold = measure([measured[1]])[""].point[name]
+    assert one.estimates["mine"][name].value == pytest.approx(of_fold)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(seed=1), draws=4), force=True)
     with pytest.raises(PredictionError):  # they are for other masks
         compare([], dataset, predictions=mine, resamples=0)

@@ -23,6 +23,7 @@ from bsg_data.sources.catalogue import open_source
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.measurement import Fold, measure, read_truth
+from bsg_models.evaluation.truth import Prediction
 from bsg_models.studies.comparison import WHOLE, EvaluationRequest, compare_runs
 from bsg_models.training.count_gradients import as_network
 from bsg_models.zoo.catalogue import UNTRAINED
@@ -104,7 +105,8 @@ def test_only_what_can_be_named_is_measured(merged: Path) -> None:
             rates = np.full(masked.targets.shape, 0.5)
             rates[:, data.manifest.class_space.class_index("bed")] = beds
             found = Expectation(masked.seen.inputs.astype(float), poisson(rates))
-            values.append(measure([Fold(tuple(scenes), [(read_truth(masked), found)])]).point)
+            fold = Fold(tuple(scenes), [{"": Prediction(read_truth(masked), found)}])
+            values.append(measure([fold])[""].point)
     office, wrong_office, home, wrong_home = values
     assert {n: office[n] for n in office if office[n] == office[n]} == {
         n: wrong_office[n] for n in office if office[n] == office[n]
