@@ -93,8 +93,6 @@ class CalibratedModel(BeliefModel):
         if columns is not None:
             of_building = np.zeros((len(seen), columns.shape[1]), dtype=np.int64)
             of_building[seen.building[rows]] = columns
-            if (of_building[seen.building[rows]] != columns).any():
-                raise ValueError("expected the same columns in all rooms of a building")
             columns = of_building[own]
         apart = self._calibrate_rooms(seen, every, columns)
         _, factors = self._tilt(apart.presence, own, seen, tilted, columns=of_building)
