@@ -136,10 +136,10 @@ def print_run(summary: RunSummary) -> None:
     elif header.val_loss is None:
         print_text(f"{config.name} fitted by counting; checkpoint {checkpoint}")
     else:
-        most = "at most " if config.training.patience else ""
+        limit = "at most " if config.training.patience else ""
         took = f" in {summary.record.seconds:.1f} s" if summary.record else ""
         print_text(
-            f"{config.name}: {most}{config.training.epochs} epochs{took}; lowest validation loss "
+            f"{config.name}: {limit}{config.training.epochs} epochs{took}; lowest validation loss "
             f"{header.val_loss:.4f} at epoch {header.epoch}"
         )
         curve = f", learning curve {summary.curve}" if summary.curve.is_file() else ""

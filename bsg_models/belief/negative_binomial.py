@@ -81,9 +81,12 @@ def tilt_gains(
     none = log_none(mean, dispersion) if none is None else none
     first = first_counts(len(tilts), xp.exp(none), mean, dispersion)
     if xp is np and not any((tilt > _MOST_TILT).any() for tilt in tilts[:1]):
-        return [one * xp.expm1(tilt) for one, tilt in zip(first, tilts, strict=True)]
+        return [
+            probability * xp.expm1(tilt) for probability, tilt in zip(first, tilts, strict=True)
+        ]
     gains = [
-        one * xp.expm1(tilt * (tilt <= _MOST_TILT)) for one, tilt in zip(first, tilts, strict=True)
+        probability * xp.expm1(tilt * (tilt <= _MOST_TILT))
+        for probability, tilt in zip(first, tilts, strict=True)
     ]
     if gains:  # in a large building P(0) underflows, and its tilt overflows
         gains[0] = gains[0] + xp.exp(none + tilts[0]) * (tilts[0] > _MOST_TILT)
@@ -132,7 +135,8 @@ def log_counts(
     flat = mean.shape[0], -1
     some = (part.reshape(flat)[:, positive] for part in (mean, dispersion))
     beyond = log_beyond_none(counts.reshape(-1)[positive], *some)
-    return add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
+    log_p = add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
+    return log_p
 
 
 def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Array]) -> Array:
@@ -140,10 +144,11 @@ def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Arra
 
     Of the gains of T's tilts it is NB_V(0) Z_0 / Z, with NB_V(0) Z_0 = NB_V(0) + Σ_t gain_t s^t.
     """
-    none = np.exp(log_none(np.maximum((1 - share) * mean, _LEAST), dispersion))
+    none: Array = np.exp(log_none(np.maximum((1 - share) * mean, _LEAST), dispersion))
     for count, gain in enumerate(gains):
         none = none + share**count * gain
-    return none / np.maximum(1 + sum(gains), TINY)
+    none = none / np.maximum(1 + sum(gains), TINY)
+    return none
 
 
 def log_seen(
@@ -155,7 +160,8 @@ def log_seen(
         return log_p
     hidden = hidden_posterior(dispersion, dispersion / mean, seen, share)
     of_hidden = log_normaliser(hidden_tilts(tilts, seen), *hidden)
-    return log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
+    log_p = log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
+    return log_p
 
 
 def _log_rising(counts: Any, dispersion: Any) -> Any:

@@ -210,7 +210,7 @@ def _is_calibrated(model: BeliefModel, config: RunConfig) -> TypeGuard[Calibrate
 
 def _calibrate_on(model: CalibratedModel, every: MaskedBuildings) -> None:
     """Calibrate a model on masked buildings, or on a sample whose distributions fit in memory."""
-    masked = take_sample(every, most=_CALIBRATED_NODES)
+    masked = take_sample(every, limit=_CALIBRATED_NODES)
     if len(masked) < len(every):
         note = (
             f"calibrated on a random sample of {len(masked):,} of {len(every):,} masked val "
@@ -230,15 +230,15 @@ def calibrate(
         unseen: buildings, each with the model that predicts them: this one, or models of the same
             recipe, such as those of a cross-validation. None was trained on its buildings.
     """
-    every = [(one, some) for one, masked in unseen for some in masked.batches(BATCH)]
-    masked = stack_masked([some.without_categories() for _, some in every])
+    batches = [(peer, batch) for peer, masked in unseen for batch in masked.batches(BATCH)]
+    masked = stack_masked([batch.without_categories() for _, batch in batches])
     rooms = np.flatnonzero(~masked.seen.is_building)
     if not len(rooms):
         return
     hidden = masked.hidden.astype(np.float64)
     known = masked.known  # a cell that hides nothing for certain says nothing
     share = masked.seen.cell_share * known
-    learned = concatenate([one.predict_hidden_counts(some.seen) for one, some in every])
+    learned = concatenate([peer.predict_hidden_counts(batch.seen) for peer, batch in batches])
     learned = learned.without(~known)
     of_rooms = learned.take(rooms)
     fitted = fit_calibration(of_rooms, hidden[rooms])

@@ -147,15 +147,15 @@ def _surprises(model: BeliefModel, masked: MaskedBuildings) -> Floats:
 def _copied_rows(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
     """Yield the tensors with a row that is proportional to the histogram of one room."""
     cells = np.concatenate([data.cells(scene) for scene in data.scene_ids]).astype(np.float64)
-    told = cells[(cells > 0).sum(axis=1) >= _FEW_CLASSES]
-    told /= np.linalg.norm(told, axis=1, keepdims=True)
+    rooms = cells[(cells > 0).sum(axis=1) >= _FEW_CLASSES]
+    rooms /= np.linalg.norm(rooms, axis=1, keepdims=True)
     for name, tensor in checkpoint.tensors.items():
         if tensor.ndim < 2 or tensor.shape[-1] != cells.shape[1]:
             continue
         rows = tensor.astype(np.float64).reshape(-1, cells.shape[1])
         norms = np.linalg.norm(rows, axis=1, keepdims=True)
         rows = np.divide(rows, norms, out=np.zeros_like(rows), where=norms > 0)
-        copied = int((rows @ told.T > _SAME).any(axis=1).sum()) if len(told) else 0
+        copied = int((rows @ rooms.T > _SAME).any(axis=1).sum()) if len(rooms) else 0
         if copied:
             yield f"{name} has {copied} rows that are the histogram of a room"
 
