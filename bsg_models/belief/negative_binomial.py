@@ -16,7 +16,8 @@ closed form:
     P(H = h | V = v) = NB(h) exp(a_{v+h}) / Z_v,    Z_v = 1 + Σ_h NB(h) (exp(a_{v+h}) − 1)
     P(V = v) = NB_V(v) Z_v / Z                      Z the same sum over the prior of T
 
-Every function takes arrays of NumPy or tensors of torch, and returns the same kind.
+Every function takes arrays of NumPy or tensors of torch, and returns the same kind; those of what
+was seen, and slopes, take NumPy alone.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
 
 
 def log_counts(
-    log_p: Array, counts: Array, positive: Array, mean: Array, dispersion: Array, tilts: Any
+    log_p: Array, counts: Any, positive: Any, mean: Array, dispersion: Array, tilts: Any
 ) -> Array:
     """Return log P(counts) `[K, N, C]` of K components from `log_p`, that of none before its tilt.
 
@@ -151,9 +152,7 @@ def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Arra
     return none
 
 
-def log_seen(
-    seen: Array, share: Array, mean: Array, dispersion: Array, tilts: Array | None
-) -> Array:
+def log_seen(seen: Any, share: Array, mean: Array, dispersion: Array, tilts: Array | None) -> Array:
     """Return log P(V = seen) by logarithms alone: a count may be very unlikely."""
     log_p: Array = log_negative_binomial(seen, np.maximum((1 - share) * mean, _LEAST), dispersion)
     if tilts is None:
