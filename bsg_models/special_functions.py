@@ -32,10 +32,10 @@ def log_gamma(values: Floats) -> Floats:
 
 def log_sum_exp(values: Floats, *, axis: int, keepdims: bool = False) -> Floats:
     """Return the logarithm of the sum of exponentials over an axis; −∞ counts as 0."""
-    most = values.max(axis=axis, keepdims=True)
-    most = np.where(np.isfinite(most), most, 0.0)
+    highest = values.max(axis=axis, keepdims=True)
+    highest = np.where(np.isfinite(highest), highest, 0.0)
     with np.errstate(divide="ignore"):
-        total = np.log(np.exp(values - most).sum(axis=axis, keepdims=True)) + most
+        total = np.log(np.exp(values - highest).sum(axis=axis, keepdims=True)) + highest
     return np.asarray(total if keepdims else total.squeeze(axis))
 
 
@@ -76,7 +76,7 @@ def beta_quantiles(a: Floats, b: Floats, *, probabilities: Floats) -> Floats:
     wanted = probabilities * below[:, -1:]  # [R, K]
     panel = (below[:, :-1, None] < wanted[:, None]).sum(axis=1)
     start, end, part = (
-        np.take_along_axis(one, panel, axis=1) for one in (edges[:, :-1], edges[:, 1:], parts)
+        np.take_along_axis(values, panel, axis=1) for values in (edges[:, :-1], edges[:, 1:], parts)
     )
     wanted = wanted - (np.take_along_axis(below, panel, axis=1) - part)
     y = start + (end - start) * wanted / part

@@ -117,17 +117,11 @@ def _note_other_mask(config: RunConfig, dataset: Path) -> None:
                 f"data.masks is fixed: trains on the pairs of {dataset}, with masks {stored}; "
                 "data.mask and data.fractions are for data.masks=fresh"
             )
-    elif choice.fractions is not None:
-        return
-    elif choice.needs_own_masks(stored):
+    elif choice.fractions is None and str(fresh) != str(stored):
+        own = choice.needs_own_masks(stored)
         print_note(
-            f"trains and validates on fresh masks {fresh} (data.mask of the configuration); tests "
-            f"on the pairs of {dataset}, with masks {stored}"
-        )
-    elif str(fresh) != str(stored):
-        print_note(
-            f"trains on masks {fresh} (data.mask of the configuration); validates on the pairs of "
-            f"{dataset}, with masks {stored}"
+            f"trains {'and validates ' if own else ''}on masks {fresh} (data.mask of the "
+            f"configuration), and tests on the pairs of {dataset}, with masks {stored}"
         )
 
 

@@ -117,8 +117,8 @@ class CountDistribution:
         if len(present) > 1:
             present = self.weights * present  # weights sum to 1 up to rounding
         # A count that is never there stays exactly 0, whatever its tilts.
-        there = (self.means > 0).any(axis=0)
-        presence: Floats = xp.where(there, present.sum(axis=0).clip(max=1.0), 0.0)
+        is_possible = (self.means > 0).any(axis=0)
+        presence: Floats = xp.where(is_possible, present.sum(axis=0).clip(max=1.0), 0.0)
         return presence
 
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
@@ -136,7 +136,9 @@ class CountDistribution:
         if self.tilts is not None:
             log_p, tilts = log_p - np.log(self._normaliser), self.tilts
         positive = np.flatnonzero(counts)
-        each = log_counts(log_p, counts, positive, self.means, self._whole_dispersions, tilts)
+        each: Floats = log_counts(
+            log_p, counts, positive, self.means, self._whole_dispersions, tilts
+        )
         return each, np.minimum(log_sum_exp(each, axis=0), 0.0)
 
     @property
@@ -154,17 +156,20 @@ class CountDistribution:
 
         less that. A mean below the floor has no slope.
         """
-        one, some = self._floored(MIN_RATE), counts > 0
-        each, log_p = one._log_each(counts)
-        by_mean = one.dispersions * (counts - one._moment(one.means, 1))
-        by_mean /= one.means + one.dispersions
-        by_dispersion = one._untilted_none - sum(
-            gain * rising_slope(count, one.dispersions) for count, gain in enumerate(one._gains)
+        floored, positive = self._floored(MIN_RATE), counts > 0
+        each, log_p = floored._log_each(counts)
+        by_mean = floored.dispersions * (counts - floored._moment(floored.means, 1))
+        by_mean /= floored.means + floored.dispersions
+        by_dispersion = floored._untilted_none - sum(
+            gain * rising_slope(count, floored.dispersions)
+            for count, gain in enumerate(floored._gains)
         )
-        if one.tilts is not None:
-            by_dispersion /= one._normaliser
+        if floored.tilts is not None:
+            by_dispersion /= floored._normaliser
         by_dispersion -= by_mean
-        by_dispersion[:, some] += rising_slope(counts[some], one._whole_dispersions[:, some])
+        by_dispersion[:, positive] += rising_slope(
+            counts[positive], floored._whole_dispersions[:, positive]
+        )
         by_mean *= self.means > MIN_RATE
         if len(each) == 1:
             return log_p, by_mean, by_dispersion
@@ -183,7 +188,7 @@ class CountDistribution:
         log_p: Floats = np.log(np.maximum((none * true.weights).sum(axis=1), TINY))
         node, column = np.nonzero(seen)
         some, counts = true.take(node, column[:, None]), seen[node, column][:, None]
-        each = log_seen(counts, share[:, :, node], some.means, some.dispersions, some.tilts)
+        each: Floats = log_seen(counts, share[:, :, node], some.means, some.dispersions, some.tilts)
         with np.errstate(divide="ignore"):
             log_p[:, node, column] = log_sum_exp(each + np.log(some.weights), axis=1)[..., 0]
         return log_p
@@ -194,9 +199,9 @@ class CountDistribution:
             raise ValueError(f"q must be 0 to below 1, found {q}")
         counts = np.zeros(self.means.shape[1:], dtype=np.int64)
         below, waiting = np.zeros(counts.shape), np.ones(counts.shape, dtype=bool)
-        most = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
+        last = np.ceil(self.mean.max(initial=0) + 60 * np.sqrt(self.variance.max(initial=0))) + 1
         count = 0
-        while waiting.any() and count <= most:
+        while waiting.any() and count <= last:
             below += np.exp(self.log_probability(np.full(counts.shape, float(count)), floor=0.0))
             counts[waiting] = count
             waiting &= below < q - 1e-12
@@ -339,8 +344,11 @@ def blend(
 ) -> CountDistribution:
     """Return the mixture of distributions of the same nodes."""
     scaled = [
-        replace(one, weights=np.broadcast_to(one.weights * weight, one.means.shape))
-        for one, weight in zip(distributions, weights, strict=True)
+        replace(
+            part,
+            weights=np.broadcast_to(part.weights * weight, part.means.shape),
+        )
+        for part, weight in zip(distributions, weights, strict=True)
     ]
     return _join(scaled, axis=-3)
 
@@ -363,15 +371,15 @@ def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution
 
 def _join(distributions: Sequence[CountDistribution], *, axis: int) -> CountDistribution:
     """Join distributions along the axis of components (−3) or nodes (−2)."""
-    number = max(0 if one.tilts is None else len(one.tilts) for one in distributions)
+    number = max(0 if part.tilts is None else len(part.tilts) for part in distributions)
     means, dispersions, weights = (
-        np.concatenate([getattr(one, name) for one in distributions], axis=axis)
+        np.concatenate([getattr(part, name) for part in distributions], axis=axis)
         for name in ("means", "dispersions", "weights")
     )
     tilts = []
-    for one in distributions:
-        tilts.append(np.zeros((number, *one.means.shape)))
-        if one.tilts is not None:
-            tilts[-1][: len(one.tilts)] = one.tilts
+    for part in distributions:
+        tilts.append(np.zeros((number, *part.means.shape)))
+        if part.tilts is not None:
+            tilts[-1][: len(part.tilts)] = part.tilts
     joined = np.concatenate(tilts, axis=axis) if number else None
     return CountDistribution(means, dispersions, weights, joined)

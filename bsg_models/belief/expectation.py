@@ -40,8 +40,8 @@ class Expectation:
     @property
     def is_finite(self) -> bool:
         """Whether all values are finite; a dispersion may be infinite, which is a Poisson."""
-        said = self.inputs if self.raw_totals is None else self.raw_totals
-        return bool(np.isfinite(said).all()) and self.hidden_counts.is_finite
+        values = self.inputs if self.raw_totals is None else self.raw_totals
+        return bool(np.isfinite(values).all()) and self.hidden_counts.is_finite
 
     @property
     def totals(self) -> Floats:
@@ -87,14 +87,14 @@ class Expectation:
 
     def take(self, rows: npt.NDArray[np.integer]) -> Expectation:
         """Return the expectation of some nodes, `rows` `[M]`."""
-        said = None if self.raw_totals is None else self.raw_totals[rows]
-        return Expectation(self.inputs[rows], self.hidden_counts.take(rows), said)
+        totals = None if self.raw_totals is None else self.raw_totals[rows]
+        return Expectation(self.inputs[rows], self.hidden_counts.take(rows), totals)
 
     def take_classes(self, columns: npt.NDArray[np.integer]) -> Expectation:
         """Return the expectation of some classes, `columns` `[A]`."""
-        said = None if self.raw_totals is None else self.raw_totals[:, columns]
+        totals = None if self.raw_totals is None else self.raw_totals[:, columns]
         counts = self.hidden_counts.take_classes(columns[None])
-        return Expectation(self.inputs[:, columns], counts, said)
+        return Expectation(self.inputs[:, columns], counts, totals)
 
 
 def from_totals(inputs: Floats, totals: Floats) -> Expectation:
@@ -104,11 +104,11 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
 
 def mix_copies(expectation: Expectation, weights: Floats) -> Expectation:
     """Return the mixture, by weights `[L]`, of L consecutive copies of N nodes."""
-    nodes, said = len(expectation.inputs) // len(weights), expectation.raw_totals
-    if said is not None:
-        said = np.tensordot(weights, said.reshape(len(weights), nodes, -1), axes=1)
+    nodes, totals = len(expectation.inputs) // len(weights), expectation.raw_totals
+    if totals is not None:
+        totals = np.tensordot(weights, totals.reshape(len(weights), nodes, -1), axes=1)
     counts = blend_copies(expectation.hidden_counts, weights)
-    return Expectation(expectation.inputs[:nodes], counts, said)
+    return Expectation(expectation.inputs[:nodes], counts, totals)
 
 
 def join(parts: Sequence[Expectation]) -> Expectation:

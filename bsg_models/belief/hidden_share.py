@@ -46,10 +46,10 @@ class ShareBelief:
     def __post_init__(self) -> None:
         """Check the moments, and keep them as numbers of Python, which JSON can encode."""
         mean = read_number("hidden share", self.mean, most=1.0)
-        most = math.sqrt(mean * (1 - mean))
-        name, wanted = f"standard deviation of a hidden share of {mean:g}", f"less than {most:.3g}"
+        limit = math.sqrt(mean * (1 - mean))
+        name, wanted = f"standard deviation of a hidden share of {mean:g}", f"less than {limit:.3g}"
         sd = read_number(name, self.sd, most=math.inf, wanted=f"0, or {wanted}")
-        if not (sd == 0 or sd < most):
+        if not (sd == 0 or sd < limit):
             raise RecipeError(f"{name}: expected 0, or {wanted}, found {sd:g}")
         object.__setattr__(self, "mean", mean)
         object.__setattr__(self, "sd", sd)
@@ -119,10 +119,10 @@ def estimate_hidden_share(
     """
     fractions = {"floor_in_view": floor_in_view, "walls_in_view": walls_in_view, "recall": recall}
     sizes = {"seconds_inside": seconds_inside, "floor_area": floor_area}
-    for said, most in ((fractions, 1.0), (sizes, math.inf)):
-        for name, value in said.items():
+    for values, limit in ((fractions, 1.0), (sizes, math.inf)):
+        for name, value in values.items():
             if value is not None:
-                read_number(name, value, most=most)
+                read_number(name, value, most=limit)
     if seconds_inside and not visited:
         raise RecipeError("seconds_inside: expected none for a room that was not visited")
     if floor_in_view is not None:
@@ -139,12 +139,12 @@ def estimate_hidden_share(
 
 def _by_view(kind: str, view: float) -> tuple[float, float]:
     """Return the share of the objects seen, by the fraction of the floor or the walls, and ν."""
-    (most, weight, power), size = CURVES[kind]
-    return most * (weight * view**power + (1 - weight) * view), size
+    (ceiling, weight, power), size = CURVES[kind]
+    return ceiling * (weight * view**power + (1 - weight) * view), size
 
 
 def _by_seconds(seconds: float, area: float | None) -> tuple[float, float]:
     kind = "seconds and area" if area else "seconds"
-    (most, first, pace, growth), size = CURVES[kind]
+    (ceiling, first, pace, growth), size = CURVES[kind]
     looked = seconds + first  # the first look counts as these seconds
-    return most * -math.expm1(-looked / (pace * (area or 1.0) ** growth)), size
+    return ceiling * -math.expm1(-looked / (pace * (area or 1.0) ** growth)), size

@@ -16,7 +16,8 @@ closed form:
     P(H = h | V = v) = NB(h) exp(a_{v+h}) / Z_v,    Z_v = 1 + Σ_h NB(h) (exp(a_{v+h}) − 1)
     P(V = v) = NB_V(v) Z_v / Z                      Z the same sum over the prior of T
 
-Every function takes arrays of NumPy or tensors of torch, and returns the same kind.
+Every function takes arrays of NumPy or tensors of torch, and returns the same kind; those of what
+was seen, and slopes, take NumPy alone.
 """
 
 from __future__ import annotations
@@ -81,9 +82,12 @@ def tilt_gains(
     none = log_none(mean, dispersion) if none is None else none
     first = first_counts(len(tilts), xp.exp(none), mean, dispersion)
     if xp is np and not any((tilt > _MOST_TILT).any() for tilt in tilts[:1]):
-        return [one * xp.expm1(tilt) for one, tilt in zip(first, tilts, strict=True)]
+        return [
+            probability * xp.expm1(tilt) for probability, tilt in zip(first, tilts, strict=True)
+        ]
     gains = [
-        one * xp.expm1(tilt * (tilt <= _MOST_TILT)) for one, tilt in zip(first, tilts, strict=True)
+        probability * xp.expm1(tilt * (tilt <= _MOST_TILT))
+        for probability, tilt in zip(first, tilts, strict=True)
     ]
     if gains:  # in a large building P(0) underflows, and its tilt overflows
         gains[0] = gains[0] + xp.exp(none + tilts[0]) * (tilts[0] > _MOST_TILT)
@@ -121,7 +125,7 @@ def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
 
 
 def log_counts(
-    log_p: Array, counts: Array, positive: Array, mean: Array, dispersion: Array, tilts: Any
+    log_p: Array, counts: Any, positive: Any, mean: Array, dispersion: Array, tilts: Any
 ) -> Array:
     """Return log P(counts) `[K, N, C]` of K components from `log_p`, that of none before its tilt.
 
@@ -132,7 +136,8 @@ def log_counts(
     flat = mean.shape[0], -1
     some = (part.reshape(flat)[:, positive] for part in (mean, dispersion))
     beyond = log_beyond_none(counts.reshape(-1)[positive], *some)
-    return add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
+    log_p = add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
+    return log_p
 
 
 def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Array]) -> Array:
@@ -140,22 +145,22 @@ def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Arra
 
     Of the gains of T's tilts it is NB_V(0) Z_0 / Z, with NB_V(0) Z_0 = NB_V(0) + Σ_t gain_t s^t.
     """
-    none = np.exp(log_none(np.maximum((1 - share) * mean, _LEAST), dispersion))
+    none: Array = np.exp(log_none(np.maximum((1 - share) * mean, _LEAST), dispersion))
     for count, gain in enumerate(gains):
         none = none + share**count * gain
-    return none / np.maximum(1 + sum(gains), TINY)
+    none = none / np.maximum(1 + sum(gains), TINY)
+    return none
 
 
-def log_seen(
-    seen: Array, share: Array, mean: Array, dispersion: Array, tilts: Array | None
-) -> Array:
+def log_seen(seen: Any, share: Array, mean: Array, dispersion: Array, tilts: Array | None) -> Array:
     """Return log P(V = seen) by logarithms alone: a count may be very unlikely."""
     log_p: Array = log_negative_binomial(seen, np.maximum((1 - share) * mean, _LEAST), dispersion)
     if tilts is None:
         return log_p
     hidden = hidden_posterior(dispersion, dispersion / mean, seen, share)
     of_hidden = log_normaliser(hidden_tilts(tilts, seen), *hidden)
-    return log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
+    log_p = log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
+    return log_p
 
 
 def _log_rising(counts: Any, dispersion: Any) -> Any:

@@ -32,8 +32,8 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
         chosen: tuple[str, ...] = tuple(name for name in names if name == split)
     elif 0 <= fold < folds:
         test, val = f"fold-{fold}", f"fold-{(fold + 1) % folds}"
-        rest = tuple(name for name in names if name != test)
-        chosen = {"test": (test,), "val": (val,), "train": rest}[split]
+        others = tuple(name for name in names if name != test)
+        chosen = {"test": (test,), "val": (val,), "train": others}[split]
     else:
         raise DatasetError(f"{data.path}: has {folds or 'no'} folds; there is no fold {fold}")
     if not chosen:

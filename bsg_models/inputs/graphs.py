@@ -153,7 +153,8 @@ def _connect(made: HeteroData, graph: SceneGraph, rooms_of: Ints) -> None:
 def _place(table: pa.Table) -> dict[str, Floats]:
     names = {"pos": _POS, "box": _BOX}
     return {
-        one: np.stack([_read(table, axis) for axis in axes], axis=1) for one, axes in names.items()
+        name: np.stack([_read(table, axis) for axis in axes], axis=1)
+        for name, axes in names.items()
     }
 
 

@@ -67,14 +67,14 @@ def spread_shares(
     if all(belief.is_certain for belief in beliefs):
         return seen, np.ones(1)
     nodes, weights = gauss_legendre(levels)
-    told: list[float] = []
+    hidden_shares: list[float] = []
     for shares in _find_quantiles(beliefs, (1 + nodes) / 2).tolist():
         of_room = iter(shares)
         for graph in graphs:
             own = [*islice(of_room, len(graph.rooms))]
-            told += graph.share_with(own), *own
+            hidden_shares += graph.share_with(own), *own
     copies = seen.take(np.tile(np.arange(len(seen)), levels))
-    return replace(copies, hidden_share=np.array(told, dtype=np.float32)), weights / 2
+    return replace(copies, hidden_share=np.array(hidden_shares, dtype=np.float32)), weights / 2
 
 
 def _find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:
@@ -83,9 +83,9 @@ def _find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Fl
     unsure = [room for room, belief in enumerate(beliefs) if not belief.is_certain]
     if unsure:
         parameters = [beliefs[room].beta for room in unsure]
-        different = {one: number for number, one in enumerate(dict.fromkeys(parameters))}
-        found = _find_each(tuple(different), tuple(probabilities.tolist()))
-        quantiles[:, unsure] = found[:, [different[one] for one in parameters]]
+        number = {pair: place for place, pair in enumerate(dict.fromkeys(parameters))}
+        found = _find_each(tuple(number), tuple(probabilities.tolist()))
+        quantiles[:, unsure] = found[:, [number[pair] for pair in parameters]]
     return quantiles
 
 
@@ -127,8 +127,8 @@ def update_shares(
         rows = np.concatenate(some)
         beliefs = [rooms[row].share for row in rows.tolist()]
         true = expect_rooms(*_forget(graphs, seen, some))
-        told = _weigh(beliefs, true, seen.inputs[rows], withheld=seen.withheld[rows])
-        for row, mean, sd in zip(rows.tolist(), *told.tolist(), strict=True):
+        moments = _weigh(beliefs, true, seen.inputs[rows], withheld=seen.withheld[rows])
+        for row, mean, sd in zip(rows.tolist(), *moments.tolist(), strict=True):
             share = ShareBelief(mean, sd)
             after[row] = replace(rooms[row], hidden_share=share.mean, hidden_share_sd=share.sd)
     left = iter(after.values())
@@ -166,13 +166,13 @@ def _weigh(
     """
     levels, weights = gauss_legendre(_POSTERIOR_LEVELS)
     shares = np.minimum(_find_quantiles(beliefs, (1 + levels) / 2), _MOST)
-    told = np.empty(shares.shape)
+    log_evidence = np.empty(shares.shape)
     size = max(1, _CELLS // (_POSTERIOR_LEVELS * len(true.means) * seen.shape[1]))
     for first in range(0, len(beliefs), size):
         rooms = np.arange(first, min(first + size, len(beliefs)))
         log_p = true.take(rooms).log_seen(seen[rooms], shares[:, rooms])
-        told[:, rooms] = (log_p * ~withheld[rooms]).sum(axis=2)
-    log_posterior = EVIDENCE * told + np.log(weights)[:, None]
+        log_evidence[:, rooms] = (log_p * ~withheld[rooms]).sum(axis=2)
+    log_posterior = EVIDENCE * log_evidence + np.log(weights)[:, None]
     posterior = np.exp(log_posterior - log_sum_exp(log_posterior, axis=0))
     mean = (posterior * shares).sum(axis=0)
     return np.stack([mean, np.sqrt((posterior * (shares - mean) ** 2).sum(axis=0))])
@@ -204,6 +204,6 @@ def _forget(
 
 def _share_without(graph: PartialGraph, numbers: Ints) -> float:
     """Return the hidden share of a building that forgets some rooms."""
-    told = np.array([1.0, *(room.hidden_share for room in graph.rooms)])
-    told[numbers] = 1.0
-    return graph.share_with(told[1:].tolist())
+    shares = np.array([1.0, *(room.hidden_share for room in graph.rooms)])
+    shares[numbers] = 1.0
+    return graph.share_with(shares[1:].tolist())

@@ -32,7 +32,7 @@ class Arrays:
 
     def to(self: _Form, device: Any) -> _Form:
         """Return it as tensors of torch on a device."""
-        names = [one.name for one in fields(self)]  # type: ignore[arg-type]
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
         return type(self)(**{name: _move(getattr(self, name), device) for name in names})
 
 
@@ -119,8 +119,8 @@ def list_edges(seen: Observation, edges: Collection[str]) -> Ints:
         parts.append(every[:, (every[0] != others) & ~seen.is_building[others]])
     source, target = np.concatenate(parts, axis=1)
     numbers = np.sort(source * nodes + target, kind="stable")  # fast, as they are nearly sorted
-    kept = np.diff(numbers, prepend=-1) > 0
-    return np.stack(np.divmod(numbers[kept], nodes))
+    is_first = np.diff(numbers, prepend=-1) > 0
+    return np.stack(np.divmod(numbers[is_first], nodes))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -251,7 +251,7 @@ def _move(value: Any, device: Any) -> Any:
     A GPU copies from pinned memory while it computes, and nobody waits for it.
     """
     if isinstance(value, dict):
-        return {name: _move(one, device) for name, one in value.items()}
+        return {name: _move(part, device) for name, part in value.items()}
     if isinstance(value, Arrays):
         return value.to(device)
     if isinstance(value, np.ndarray):

@@ -39,7 +39,9 @@ class CountGradients(TorchModule):
         for name, weight in model.shapes.items():
             values = torch.empty(weight.shape).uniform_(-weight.spread, weight.spread)
             self._put(name, nn.Parameter(values + weight.value, requires_grad=weight.learned))
-        self.hold(**{name: one for name, one in model.state().items() if name not in model.shapes})
+        self.hold(
+            **{name: values for name, values in model.state().items() if name not in model.shapes}
+        )
 
     def _put(self, name: str, parameter: nn.Parameter) -> None:
         """Register a parameter by a name with dots."""
@@ -95,14 +97,14 @@ class Dropout(NoDropout):
     """What a training drops at random."""
 
     def channels(
-        self, values: torch.Tensor, share: float, *, kept: Sequence[slice] = ()
+        self, values: torch.Tensor, share: float, *, spared: Sequence[slice] = ()
     ) -> torch.Tensor:
-        """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
+        """Return values of which a share is 0 and the others scaled up, but columns `spared`."""
         dropped = nn.functional.dropout(values, share) if share else values
-        if not kept:
+        if not spared:
             return dropped
         whole = torch.zeros(values.shape[1], dtype=torch.bool, device=values.device)
-        for columns in kept:
+        for columns in spared:
             whole[columns] = True
         return torch.where(whole, values, dropped)
 
@@ -112,5 +114,5 @@ class Dropout(NoDropout):
 
     def rows(self, rows: torch.Tensor, share: float) -> torch.Tensor:
         """Return rows of which a share is 0."""
-        kept = torch.rand(len(rows), device=rows.device) >= share
-        return rows * kept[:, None]
+        shown = torch.rand(len(rows), device=rows.device) >= share
+        return rows * shown[:, None]

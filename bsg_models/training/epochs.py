@@ -150,13 +150,13 @@ def find_device(wanted: Device) -> torch.device:
     Args:
         wanted: `auto` for a GPU if there is one.
     """
-    there = torch.cuda.is_available()
-    if wanted == "cuda" and not there:
+    has_gpu = torch.cuda.is_available()
+    if wanted == "cuda" and not has_gpu:
         raise TrainingError(
             "training.device is cuda, but torch finds no GPU here; use `--set training.device=cpu`"
             ", or install a torch that is built for this machine's GPU"
         )
-    return torch.device("cuda" if there and wanted != "cpu" else "cpu")
+    return torch.device("cuda" if has_gpu and wanted != "cpu" else "cpu")
 
 
 def train_network(
@@ -185,7 +185,7 @@ def train_network(
     training, device = config.training, find_device(config.training.device)
     batches = TrainingBatches(config, data, network=network)
     masked = validation_buildings(config, data, vocabulary=network.vocabulary)
-    validation = [network.read(one.seen, one.targets) for one in masked.batches(BATCH)]
+    validation = [network.read(part.seen, part.targets) for part in masked.batches(BATCH)]
     network.fit(data, config.data)
     steps = GradientSteps(network, config, device=device)
     done = steps.restore(unfinished, data)

@@ -59,8 +59,8 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     if path.suffix != ".onnx":
         raise RecipeError(f"{path}: expected the name of an ONNX file, such as universal.onnx")
     left = was_stopped([path, beside])
-    for one in (path, beside):
-        refuse_file(one, force=force or left)
+    for file in (path, beside):
+        refuse_file(file, force=force or left)
     checkpoint = load_checkpoint(found.path)
     header = checkpoint.header
     network = restore_model(found.path, checkpoint)
@@ -84,7 +84,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
             dynamo=True,
             verbose=False,
         )
-    said = {
+    metadata = {
         "format": "bsg-network",
         "name": found.name,
         "classes": header.class_space.classes,
@@ -96,12 +96,12 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
         "sources": KNOWN_SOURCES,
     }
     program.model.metadata_props.update(
-        {key: encode_json(value) for key, value in said.items()}
+        {key: encode_json(value) for key, value in metadata.items()}
         | {"checkpoint": header.model_dump_json()}
     )
     with write_files([path, beside], force=force, left=left) as staged:
         program.save(staged[path])
-        staged[beside].write_text(encode_json(said, indent=1) + "\n", "utf-8")
+        staged[beside].write_text(encode_json(metadata, indent=1) + "\n", "utf-8")
     return beside
 
 
@@ -109,9 +109,11 @@ def _list_words(class_map: ClassMap, vocabulary: Collection[str]) -> dict[str, s
     """Return what the words of a class map mean: a class, or a word of the vocabulary."""
     known = {name: class_map.classify(name) for name in sorted(class_map.words)}
     return {
-        name: str(one.category) if one.class_index is None else class_map.classes[one.class_index]
-        for name, one in known.items()
-        if one.class_index is not None or one.category in vocabulary
+        name: str(meaning.category)
+        if meaning.class_index is None
+        else class_map.classes[meaning.class_index]
+        for name, meaning in known.items()
+        if meaning.class_index is not None or meaning.category in vocabulary
     }
 
 
@@ -155,7 +157,7 @@ class _OneBuilding(nn.Module):
         super().__init__()
         self._network, self._taught = network, torch.from_numpy(taught)
         self._line = torch.from_numpy(network.building_calibration)[:, :, None]
-        self._weights = {name: torch.from_numpy(one) for name, one in network.weights.items()}
+        self._weights = {name: torch.from_numpy(array) for name, array in network.weights.items()}
 
     def forward(
         self,
@@ -173,7 +175,7 @@ class _OneBuilding(nn.Module):
         share = torch.where(withheld > 0, 1.0, hidden_share[:, None])
         building = torch.zeros_like(hidden_share, dtype=torch.int64)
         first, is_building = building[:1], torch.arange(seen.shape[0]) == 0
-        told = {
+        evidence = {
             "size": encode_area(floor_area),
             "labels": labels,
             "kind": mark(building_kind - 1, EVIDENCE["kind"].width())[building],
@@ -191,7 +193,9 @@ class _OneBuilding(nn.Module):
             hidden_share=hidden_share,
             share=share,
             unclassified=others,
-            evidence={name: told[name] for name in EVIDENCE if name in self._network.config.reads},
+            evidence={
+                name: evidence[name] for name in EVIDENCE if name in self._network.config.reads
+            },
         )
         learned = to_distribution(self._network.forward(self._weights, nodes))
         counts = self._network.calibrate(learned, share)  # type: ignore[arg-type]

@@ -9,10 +9,10 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import torch
@@ -34,7 +34,6 @@ from bsg_models.runs.run_folder import (
     METRICS,
     RECORD,
     EpochReport,
-    TrainedOn,
     TrainingRecord,
     encode_metrics,
     list_trained_on,
@@ -51,6 +50,7 @@ from bsg_models.zoo.calibration import (
 )
 from bsg_models.zoo.config import RunConfig, find_member, write_toml
 from bsg_models.zoo.model import BeliefModel, make_model, one_thread
+from bsg_models.zoo.torch_module import TorchModule
 
 _PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
@@ -86,28 +86,43 @@ def train_run(
     partial = name_staged(run)
     refuse_links(run.parent, partial)
     with write_results(run, report=BEST, force=force, goes_on=True) as staged:
-        trained = _Training(data, staged, progress or (lambda _: None), force).train(config)
-        save_model(trained.model, config, data, staged / BEST, **trained.fields)
+        training = _Training(data, staged, progress or (lambda _: None), force)
+        model, reports = training.train(config)
+        save_model(model, config, data, staged / BEST, **_describe(model, config, reports))
         write_bytes(staged / CONFIG, write_toml(config).encode())
-        notes = list(trained.model.notes)
-        if trained.reports:
-            write_bytes(staged / METRICS, encode_metrics(trained.reports).encode())
-            _plot_curve(config, trained.reports, staged / CURVE, notes)
+        notes = list(model.notes)
+        if reports:
+            write_bytes(staged / METRICS, encode_metrics(reports).encode())
+            with noting_failures(notes):
+                title = f"{config.name}, seed {config.seed}"
+                plot_learning_curve(reports, staged / CURVE, title=title)
         else:
             (staged / METRICS).unlink(missing_ok=True)  # of the members of an ensemble
-        known = list_trained_on(data, scenes_of(data, "train", fold=config.data.fold))
-        record = _make_record(known, began=began, notes=notes)
+        record = TrainingRecord(
+            time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            seconds=round(time.perf_counter() - began, 3),
+            versions={name: version(name) for name in _PACKAGES}
+            | {"python": platform.python_version()},
+            notes=tuple(notes),
+            trained_on=list_trained_on(data, scenes_of(data, "train", fold=config.data.fold)),
+        )
         write_bytes(staged / RECORD, (record.model_dump_json(indent=1) + "\n").encode())
-    return trained.reports
+    return tuple(reports)
 
 
-@dataclass(frozen=True, eq=False)
-class _Trained:
-    """A trained model, with fields of its checkpoint and one report per epoch."""
-
-    model: BeliefModel
-    fields: dict[str, Any] = field(default_factory=dict)
-    reports: tuple[EpochReport, ...] = ()
+def _describe(
+    model: BeliefModel, config: RunConfig, reports: Sequence[EpochReport]
+) -> dict[str, Any]:
+    """Return what a checkpoint says of a training, besides its configuration."""
+    fields: dict[str, Any] = {
+        "members": {name: member_config(config, name) for name in model.members},
+        "calibrated": _is_calibrated(model, config),
+    }
+    if reports:
+        best = reports[reports[-1].best_epoch - 1]
+        fields |= {"epoch": best.epoch, "val_loss": best.val_loss}
+        fields |= {"best_epoch": best.epoch, "best_loss": best.val_loss}
+    return fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,40 +134,51 @@ class _Training:
     progress: Progress
     force: bool  # whether it may replace what another training left
 
-    def train(self, config: RunConfig, *, name: str = "network") -> _Trained:
-        """Train a model; `name` is its own in the folder of unfinished trainings."""
-        model, fields = new_model(config, self.data), dict[str, Any]()
-        network, reports = as_network(model), list[EpochReport]()
+    def train(
+        self, config: RunConfig, *, name: str = "network"
+    ) -> tuple[BeliefModel, list[EpochReport]]:
+        """Return a trained model; `name` is its own in the folder of unfinished trainings."""
+        model, reports = new_model(config, self.data), list[EpochReport]()
+        network = as_network(model)
         with one_thread():
-            if model.members:
-                fields["members"] = self._train_members(model, config)
-            elif network is None:
-                model.fit(self.data, config.data)
-            else:
+            for number, member in enumerate(model.members):
+                own = member_config(config, member)
+                model.members[member] = self.train(own, name=f"member-{number}")[0]
+            if network is not None:
                 unfinished = self.staged / BUILD / f"{name}.safetensors"
-                if not self.force:
-                    _refuse_other(unfinished, config, self.data)
-                best, reports = train_network(
-                    network,
-                    config,
-                    self.data,
-                    unfinished=unfinished,
-                    metrics=self.staged / METRICS,
-                    progress=self.progress,
-                )
-                model.load_state(best)
-                fields |= _describe_best(reports)
-                if len(reports) < config.training.epochs:
-                    model.notes = (*model.notes, _note_early_end(reports))
-            fields["calibrated"] = _calibrate_if_wanted(model, config, self.data)
-        return _Trained(model, fields, tuple(reports))
+                reports = self._train_network(network, model, config, unfinished)
+            elif not model.members:
+                model.fit(self.data, config.data)
+            if _is_calibrated(model, config):
+                vocabulary = model.vocabulary
+                masked = validation_buildings(config, self.data, vocabulary=vocabulary)
+                _calibrate_on(model, masked)
+        return model, reports
 
-    def _train_members(self, model: BeliefModel, config: RunConfig) -> dict[str, RunConfig]:
-        """Train the members of an ensemble, one after another; return their configurations."""
-        configs = {name: member_config(config, name) for name in model.members}
-        for number, (name, own) in enumerate(configs.items()):
-            model.members[name] = self.train(own, name=f"member-{number}").model
-        return configs
+    def _train_network(
+        self, network: TorchModule, model: BeliefModel, config: RunConfig, unfinished: Path
+    ) -> list[EpochReport]:
+        """Train a network, and let the model that it stands for take its weights."""
+        if not self.force:
+            _refuse_other(unfinished, config, self.data)
+        best, reports = train_network(
+            network,
+            config,
+            self.data,
+            unfinished=unfinished,
+            metrics=self.staged / METRICS,
+            progress=self.progress,
+        )
+        model.load_state(best)
+        last = reports[-1]
+        if last.epoch < config.training.epochs:
+            later = sum(report.val_loss is not None for report in reports[last.best_epoch :])
+            note = (
+                f"stopped after epoch {last.epoch}, as training.patience says: {later} validations "
+                f"were no better than that of epoch {last.best_epoch}"
+            )
+            model.notes = (*model.notes, note)
+        return reports
 
 
 def _refuse_other(unfinished: Path, config: RunConfig, data: Dataset) -> None:
@@ -166,50 +192,6 @@ def _refuse_other(unfinished: Path, config: RunConfig, data: Dataset) -> None:
         )
 
 
-def _describe_best(reports: Sequence[EpochReport]) -> dict[str, Any]:
-    """Return what a checkpoint says of the epoch with the lowest validation loss."""
-    best = reports[reports[-1].best_epoch - 1]
-    return {
-        "epoch": best.epoch,
-        "val_loss": best.val_loss,
-        "best_epoch": best.epoch,
-        "best_loss": best.val_loss,
-    }
-
-
-def _note_early_end(reports: Sequence[EpochReport]) -> str:
-    """Return the note on a training that lost its patience."""
-    last = reports[-1]
-    later = sum(report.val_loss is not None for report in reports[last.best_epoch :])
-    return (
-        f"stopped after epoch {last.epoch}, as training.patience says: {later} validations were no "
-        f"better than that of epoch {last.best_epoch}"
-    )
-
-
-def _plot_curve(
-    config: RunConfig, reports: Sequence[EpochReport], path: Path, notes: list[str]
-) -> None:
-    """Draw the learning curve; a note says why it cannot be drawn."""
-    title = f"{config.name}, seed {config.seed}"
-    with noting_failures(notes):
-        plot_learning_curve(reports, path, title=title)
-
-
-def _make_record(
-    known: tuple[TrainedOn, ...], *, began: float, notes: Sequence[str]
-) -> TrainingRecord:
-    """Return the record of a training that ends now; `began` is of `time.perf_counter`."""
-    versions = {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
-    return TrainingRecord(
-        time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        seconds=round(time.perf_counter() - began, 3),
-        versions=versions,
-        notes=tuple(notes),
-        trained_on=known,
-    )
-
-
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     """Return a new model for a dataset; its vocabulary is that of the training set."""
     torch.manual_seed(config.seed)
@@ -221,17 +203,14 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
     return make_model(config, classes=classes, vocabulary=vocabulary)
 
 
-def _calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
-    """Calibrate a model on val if its configuration says so; return whether it did."""
-    if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
-        return False
-    _calibrate_on(model, validation_buildings(config, data, vocabulary=model.vocabulary))
-    return True
+def _is_calibrated(model: BeliefModel, config: RunConfig) -> TypeGuard[CalibratedModel]:
+    """Return whether the configuration wants a model calibrated on val that can be."""
+    return isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)
 
 
 def _calibrate_on(model: CalibratedModel, every: MaskedBuildings) -> None:
     """Calibrate a model on masked buildings, or on a sample whose distributions fit in memory."""
-    masked = take_sample(every, most=_CALIBRATED_NODES)
+    masked = take_sample(every, limit=_CALIBRATED_NODES)
     if len(masked) < len(every):
         note = (
             f"calibrated on a random sample of {len(masked):,} of {len(every):,} masked val "
@@ -251,15 +230,15 @@ def calibrate(
         unseen: buildings, each with the model that predicts them: this one, or models of the same
             recipe, such as those of a cross-validation. None was trained on its buildings.
     """
-    every = [(one, some) for one, masked in unseen for some in masked.batches(BATCH)]
-    masked = stack_masked([some.without_categories() for _, some in every])
+    batches = [(peer, batch) for peer, masked in unseen for batch in masked.batches(BATCH)]
+    masked = stack_masked([batch.without_categories() for _, batch in batches])
     rooms = np.flatnonzero(~masked.seen.is_building)
     if not len(rooms):
         return
     hidden = masked.hidden.astype(np.float64)
     known = masked.known  # a cell that hides nothing for certain says nothing
     share = masked.seen.cell_share * known
-    learned = concatenate([one.predict_hidden_counts(some.seen) for one, some in every])
+    learned = concatenate([peer.predict_hidden_counts(batch.seen) for peer, batch in batches])
     learned = learned.without(~known)
     of_rooms = learned.take(rooms)
     fitted = fit_calibration(of_rooms, hidden[rooms])

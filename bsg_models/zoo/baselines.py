@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,24 +18,6 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
-
-
-class _InputConfig(ModelConfig):
-    """Predict that nothing is hidden."""
-
-    family: Literal["input"] = "input"
-
-
-class _DoubledConfig(ModelConfig):
-    """Predict input / (1 − f), with f the hidden share: at one half, twice what was seen."""
-
-    family: Literal["doubled"] = "doubled"
-
-
-class _TrainMeanConfig(ModelConfig):
-    """Predict the mean histogram of the training rooms, and of the training buildings."""
-
-    family: Literal["train-mean"] = "train-mean"
 
 
 class _InputModel(BeliefModel):
@@ -75,7 +57,7 @@ class _TrainMeanModel(BeliefModel):
     room_mean: Floats  # [C]
     building_mean: Floats  # [C]
 
-    def __init__(self, config: _TrainMeanConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.hold(room_mean=np.zeros(inputs.classes), building_mean=np.zeros(inputs.classes))
 
@@ -102,6 +84,14 @@ class _TrainMeanModel(BeliefModel):
         return Expectation(seen.inputs.astype(np.float64), poisson(seen.cell_share * mean), mean)
 
 
-INPUT = ZooRow(_InputConfig(), _InputModel)
-DOUBLED = ZooRow(_DoubledConfig(), _DoubledModel)
-TRAIN_MEAN = ZooRow(_TrainMeanConfig(), _TrainMeanModel)
+INPUT = ZooRow(ModelConfig(family="input"), _InputModel, summary="Predict that nothing is hidden.")
+DOUBLED = ZooRow(
+    ModelConfig(family="doubled"),
+    _DoubledModel,
+    summary="Predict input / (1 − f), with f the hidden share: at one half, twice what was seen.",
+)
+TRAIN_MEAN = ZooRow(
+    ModelConfig(family="train-mean"),
+    _TrainMeanModel,
+    summary="Predict the mean histogram of the training rooms, and of the training buildings.",
+)

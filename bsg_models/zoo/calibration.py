@@ -93,8 +93,6 @@ class CalibratedModel(BeliefModel):
         if columns is not None:
             of_building = np.zeros((len(seen), columns.shape[1]), dtype=np.int64)
             of_building[seen.building[rows]] = columns
-            if (of_building[seen.building[rows]] != columns).any():
-                raise ValueError("expected the same columns in all rooms of a building")
             columns = of_building[own]
         apart = self._calibrate_rooms(seen, every, columns)
         _, factors = self._tilt(apart.presence, own, seen, tilted, columns=of_building)
@@ -165,14 +163,14 @@ def _add_neighbours(seen: Observation, rows: Ints) -> Ints:
     return np.flatnonzero(hides)
 
 
-def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:
+def take_sample(masked: MaskedBuildings, *, limit: int) -> MaskedBuildings:
     """Return a random sample of masked buildings in their order: all, if they have few nodes.
 
-    It has at most `most` nodes, but one building at least.
+    It has at most `limit` nodes, but one building at least.
     """
     rng = np.random.Generator(np.random.PCG64(0))
     order = np.argsort(rng.random(len(masked)), kind="stable")
-    last = np.searchsorted(np.cumsum(np.diff(masked.seen.starts)[order]), most, side="right")
+    last = np.searchsorted(np.cumsum(np.diff(masked.seen.starts)[order]), limit, side="right")
     if last == len(masked):
         return masked
     return masked.take(np.sort(order[: max(last, 1)]))

@@ -48,20 +48,20 @@ class Ensemble(CalibratedModel):
 
     def state(self) -> State:
         """Return its calibration, and what each member has learned."""
-        every = dict(super().state())
+        state = dict(super().state())
         for name, member in self.members.items():
-            every |= {f"members.{name}.{key}": one for key, one in member.state().items()}
-        return every
+            state |= {f"members.{name}.{key}": values for key, values in member.state().items()}
+        return state
 
     def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """Take its calibration, and let each member take its part."""
-        rest = dict(state)
+        remaining = dict(state)
         for name, member in self.members.items():
             prefix = f"members.{name}."
-            own = [key for key in rest if key.startswith(prefix)]
-            member.load_state({key.removeprefix(prefix): rest.pop(key) for key in own})
-        require_same_shapes(super().state(), rest)
-        self.hold(**rest)
+            keys = [key for key in remaining if key.startswith(prefix)]
+            member.load_state({key.removeprefix(prefix): remaining.pop(key) for key in keys})
+        require_same_shapes(super().state(), remaining)
+        self.hold(**remaining)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""

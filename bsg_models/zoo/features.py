@@ -104,12 +104,12 @@ class NodeFeatures:
             self.weights = linear_weights(_EMBEDDING, vocabulary, config.embedding, bias=False)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
         # columns that dropout leaves: a dropped one would say that nothing is hidden, or a home
-        self.kept = [slice(first, first + mask)]
+        self.spared = [slice(first, first + mask)]
         for name, evidence in EVIDENCE.items():
             if name in self.reads:
                 columns = slice(self.width, self.width + evidence.width())
                 self.width = columns.stop
-                self.kept += [columns] if evidence.of_building else []
+                self.spared += [columns] if evidence.of_building else []
 
     def __call__(self, weights: Weights, nodes: Nodes, drop: NoDropout = NO_DROPOUT) -> Array:
         """Return features `[N, F]`; what trainings drop of them is `drop`."""

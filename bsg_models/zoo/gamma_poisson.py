@@ -74,7 +74,10 @@ class _GammaPoissonModel(BeliefModel):
         if self.config.tilted:
             starts = zip(tallies, fitted, strict=True)
             fitted = np.array(
-                [_fit_tilted_prior(one, a, b, tilted=self.config.tilted) for one, (a, b) in starts]
+                [
+                    _fit_tilted_prior(tally, a, b, tilted=self.config.tilted)
+                    for tally, (a, b) in starts
+                ]
             )
             self.hold(tilts=fitted[:, 2:].T)
         self.hold(shape=fitted[:, 0], rate=fitted[:, 1])

@@ -37,8 +37,8 @@ def read_hand_prior(classes: tuple[str, ...]) -> HandPrior:
     table = read_hand_table()
     unlisted, none = table["unlisted"], {"weight": 0.0, "presence": {}}
     rooms = [table["room_types"].get(label, none) for label in list_room_labels()]
-    weight = np.array([one["weight"] for one in rooms])
+    weight = np.array([room["weight"] for room in rooms])
     presence = np.array(
-        [[one["presence"].get(name, unlisted) for name in classes] for one in rooms]
+        [[room["presence"].get(name, unlisted) for name in classes] for room in rooms]
     )
     return HandPrior(weight / weight.sum(), np.clip(presence, _LEAST, 1 - _LEAST))

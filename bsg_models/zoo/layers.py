@@ -31,8 +31,8 @@ class Weight:
 class NoDropout:
     """What is dropped of an answer: nothing. Trainings drop at random."""
 
-    def channels(self, values: Array, share: float, *, kept: Sequence[slice] = ()) -> Array:
-        """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
+    def channels(self, values: Array, share: float, *, spared: Sequence[slice] = ()) -> Array:
+        """Return values of which a share is 0 and the others scaled up, but columns `spared`."""
         return values
 
     def entries(self, values: Array, share: float) -> Array:

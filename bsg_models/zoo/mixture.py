@@ -128,7 +128,7 @@ class _RoomTypeMixture(CalibratedModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
         scenes = scenes_of(data, "train", fold=choice.fold)
-        counts, building = read_rooms(data, scenes, most=MOST)
+        counts, building = read_rooms(data, scenes, limit=MOST)
         labels = read_labels(data, scenes)
         if self.config.kinds == "named":
             at_home = _list_homes(data, scenes)[building]
@@ -193,14 +193,14 @@ class _RoomTypeMixture(CalibratedModel):
             types, means = types[:, rows], means * habit[rows]
         weights = self._weigh(own, types, means)[:, :, None]
         r, prior = self.dispersions[:, None], self.tilts[:, :, None] if self.config.tilted else None
-        told, share = own.seen, own.share
+        counts, share = own.seen, own.share
         if columns is not None:
-            r, means, told, share = (
-                take_columns(part, columns) for part in (r, means, told, share)
+            r, means, counts, share = (
+                take_columns(part, columns) for part in (r, means, counts, share)
             )
             prior = prior if prior is None else take_columns(prior, columns)
-        hidden, dispersions = hidden_posterior(r, r / means, told, share)
-        tilts = None if prior is None else np.stack(hidden_tilts(prior, told))
+        hidden, dispersions = hidden_posterior(r, r / means, counts, share)
+        tilts = None if prior is None else np.stack(hidden_tilts(prior, counts))
         return CountDistribution(hidden, np.broadcast_to(dispersions, hidden.shape), weights, tilts)
 
     def _read_labels(self, labels: npt.NDArray[np.float32]) -> Floats:
@@ -284,17 +284,17 @@ class _Rooms:
 
 
 def read_rooms(
-    data: Dataset, scenes: Sequence[str], *, most: int
+    data: Dataset, scenes: Sequence[str], *, limit: int
 ) -> tuple[npt.NDArray[np.uint8], Ints]:
-    """Return the counts of some rooms `[R, C]`, cut to `most`, and each room's building `[R]`.
+    """Return the counts of some rooms `[R, C]`, cut to `limit`, and each room's building `[R]`.
 
-    A class that the source has no word for counts as `most` + 1.
+    A class that the source has no word for counts as `limit` + 1.
     """
     rooms: dict[str, npt.NDArray[np.uint8]] = {}
     for some in data.in_shards(scenes):
         for scene in some:
-            counts = np.minimum(data.cells(scene)[1:], most)
-            rooms[scene] = np.where(data.nameable(scene), counts, most + 1).astype(np.uint8)
+            counts = np.minimum(data.cells(scene)[1:], limit)
+            rooms[scene] = np.where(data.nameable(scene), counts, limit + 1).astype(np.uint8)
     sizes = [len(rooms[scene]) for scene in scenes]
     joined = np.concatenate([rooms[scene] for scene in scenes])
     return joined, np.repeat(np.arange(len(scenes)), sizes)
@@ -313,14 +313,14 @@ def choose_labels(labels: Floats, at_home: Bools) -> Floats:
 
     A kind that homes have is learned in homes alone: the corridor of a school is another.
     """
-    told = labels > 0
-    return np.where(at_home[:, None] | ~told[at_home].any(axis=0), labels, 0.0)
+    labelled = labels > 0
+    return np.where(at_home[:, None] | ~labelled[at_home].any(axis=0), labels, 0.0)
 
 
 def _list_homes(data: Dataset, scenes: Sequence[str]) -> Bools:
     """Return which buildings are homes `[B]`; one of unknown kind counts as a home."""
     home = (UNKNOWN, BUILDING_KINDS.index("home"))
-    return np.array([data.surroundings(one).building_kinds[0] in home for one in scenes])
+    return np.array([data.surroundings(scene).building_kinds[0] in home for scene in scenes])
 
 
 def _trust_labels(log_types: Floats) -> Floats:
@@ -334,8 +334,8 @@ def fit_labels(belonging: Floats, labels: Floats) -> Floats:
 
     A label that few rooms have says little: it is shrunk towards the labelled rooms on the whole.
     """
-    told = labels.sum(axis=1) > 0
-    number = belonging[told].T @ labels[told]
+    labelled = labels.sum(axis=1) > 0
+    number = belonging[labelled].T @ labels[labelled]
     types = (number.sum(axis=1) + 1) / (number.sum() + len(number))
     share = (number + _PRIOR_LABEL * types[:, None]) / (number.sum(axis=0) + _PRIOR_LABEL)
     return np.asarray(np.log(share) - np.log(types)[:, None])

@@ -179,7 +179,7 @@ class CountNetwork(CalibratedModel):
         """Return some nodes after all rounds, `[M, width]`."""
         dropout = self.config.dropout
         features = self.features(weights, nodes, drop)
-        shown = drop.channels(features, dropout / 2, kept=self.features.kept)
+        shown = drop.channels(features, dropout / 2, spared=self.features.spared)
         h = silu(linear(weights, "enter.1", shown))
         for number in range(self.config.depth):
             taken = rows if number == self.config.depth - 1 else slice(None)
@@ -244,9 +244,9 @@ class PriorHead:
 
         def read(name: str) -> Array:
             """Return what a layer says of each component, `[K, N, C]`, or `[J · K, N, C]`."""
-            said = linear(weights, f"head.{name}", drop.channels(encoded, self.dropout))
-            every = said.reshape(said.shape[0], -1, self.classes).swapaxes(0, 1)
-            return every if columns is None else take_columns(every, columns)
+            outputs = linear(weights, f"head.{name}", drop.channels(encoded, self.dropout))
+            by_component = outputs.reshape(outputs.shape[0], -1, self.classes).swapaxes(0, 1)
+            return by_component if columns is None else take_columns(by_component, columns)
 
         mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
         shape = xp.exp(read("shape").clip(-_MOST, _MOST))

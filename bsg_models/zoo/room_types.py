@@ -240,8 +240,8 @@ def _fit_tilts(table: Floats, frequency: Floats, tilted: int, rooms: float) -> F
     first = np.exp(table[..., :tilted])
     beyond = np.maximum(1 - first.sum(axis=-1), 1e-9)
     weights = frequency[..., :tilted] + rooms * first
-    rest = frequency[..., tilted:].sum(axis=-1) + rooms * beyond
-    gain = np.log(weights / first) - np.log(rest / beyond)[..., None]
+    remaining = frequency[..., tilted:].sum(axis=-1) + rooms * beyond
+    gain = np.log(weights / first) - np.log(remaining / beyond)[..., None]
     return np.moveaxis(np.clip(gain, -_MOST_TILT, _MOST_TILT), -1, 0)
 
 

@@ -51,5 +51,5 @@ class TorchModule(nn.Module):
     def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """Take parameters and buffers, and stop training."""
         require_same_shapes(self.state(), state)
-        self.load_state_dict({name: torch.from_numpy(one) for name, one in state.items()})
+        self.load_state_dict({name: torch.from_numpy(values) for name, values in state.items()})
         self.eval()

@@ -1,6 +1,7 @@
 """Measure what a file of weights discloses about the buildings of its training.
 
 `find_disclosed` checks, tensor by tensor, whether a row of a building can be read out of the file.
+Their shapes are those of a new model: `restore_model` takes no others.
 `measure_membership` attacks the model: it measures whether a training building can be told from
 another. A model that memorises its training buildings assigns them a higher likelihood.
 """
@@ -20,7 +21,7 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.inputs.folds import vocabulary_of
 from bsg_models.runs.checkpoint import Checkpoint, load_checkpoint
-from bsg_models.zoo.model import BeliefModel, make_model
+from bsg_models.zoo.model import BeliefModel
 
 _LONG_ID = 8  # letters of a scene id that no other text holds by chance
 _FEW_CLASSES = 3  # a histogram of fewer classes identifies no room
@@ -50,10 +51,10 @@ class Disclosure:
             else ""
         )
         return (
-            f"The weights are {self.tensors} tensors with {self.numbers:,} numbers. They were "
-            f"searched for a dimension as long as the {self.scenes} buildings or {self.rooms:,} "
-            f"rooms, and for a row that is the histogram of a room or a multiple of it. The header "
-            f"was searched for names of buildings. Result: {found}.{read}"
+            f"The weights are {self.tensors} tensors with {self.numbers:,} numbers, in shapes that "
+            "follow from settings, classes and vocabulary. They were searched for a row that is "
+            f"the histogram of one of the {self.rooms:,} rooms or a multiple of it, and the header "
+            f"for names of the {self.scenes} buildings. Result: {found}.{read}"
         )
 
 
@@ -68,7 +69,6 @@ def find_disclosed(path: Path, data: Dataset) -> Disclosure:
     train = data.splits.get("train", data.scene_ids)
     rooms = sum(len(data.cells(scene)) - 1 for scene in data.scene_ids)
     least, rare = _rarest_category(checkpoint, data, train)
-    faults = [*_per_scene_shapes(checkpoint, data, train), *_copied_rows(checkpoint, data)]
     return Disclosure(
         tensors=len(checkpoint.tensors),
         numbers=sum(tensor.size for tensor in checkpoint.tensors.values()),
@@ -76,7 +76,7 @@ def find_disclosed(path: Path, data: Dataset) -> Disclosure:
         least_scenes=least,
         scenes=len(data.scene_ids),
         rooms=rooms,
-        faults=(*faults, *rare, *_named_scenes(checkpoint, data)),
+        faults=(*_copied_rows(checkpoint, data), *rare, *_named_scenes(checkpoint, data)),
     )
 
 
@@ -144,45 +144,18 @@ def _surprises(model: BeliefModel, masked: MaskedBuildings) -> Floats:
     return np.asarray(totals[sizes > 0] / sizes[sizes > 0])
 
 
-def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str]) -> Iterator[str]:
-    """Yield the tensors with a dimension as long as the number of buildings or rooms.
-
-    A tensor that a new model also has, in the same shape, does not count: its shape follows from
-    configuration, classes and vocabulary.
-    """
-    header = checkpoint.header
-    new = make_model(
-        header.config,
-        classes=len(header.class_space.classes),
-        vocabulary=header.vocabulary,
-        members=header.members,
-    )
-    shapes = {f"model.{name}": tensor.shape for name, tensor in new.state().items()}
-    sizes = {}
-    for what, scenes in (("training ", train), ("", data.scene_ids)):
-        nodes = sum(len(data.cells(scene)) for scene in scenes)
-        sizes[len(scenes)] = f"{what}buildings"
-        sizes[nodes - len(scenes)] = f"rooms of {what}buildings"
-        sizes[nodes] = f"nodes of {what}buildings"
-    for name, tensor in checkpoint.tensors.items():
-        for length in () if shapes.get(name) == tensor.shape else tensor.shape:
-            if length in sizes:
-                shape = tuple(tensor.shape)
-                yield f"{name} {shape} has a place for each of {length} {sizes[length]}"
-
-
 def _copied_rows(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
     """Yield the tensors with a row that is proportional to the histogram of one room."""
     cells = np.concatenate([data.cells(scene) for scene in data.scene_ids]).astype(np.float64)
-    told = cells[(cells > 0).sum(axis=1) >= _FEW_CLASSES]
-    told /= np.linalg.norm(told, axis=1, keepdims=True)
+    rooms = cells[(cells > 0).sum(axis=1) >= _FEW_CLASSES]
+    rooms /= np.linalg.norm(rooms, axis=1, keepdims=True)
     for name, tensor in checkpoint.tensors.items():
         if tensor.ndim < 2 or tensor.shape[-1] != cells.shape[1]:
             continue
         rows = tensor.astype(np.float64).reshape(-1, cells.shape[1])
         norms = np.linalg.norm(rows, axis=1, keepdims=True)
         rows = np.divide(rows, norms, out=np.zeros_like(rows), where=norms > 0)
-        copied = int((rows @ told.T > _SAME).any(axis=1).sum()) if len(told) else 0
+        copied = int((rows @ rooms.T > _SAME).any(axis=1).sum()) if len(rooms) else 0
         if copied:
             yield f"{name} has {copied} rows that are the histogram of a room"
 

@@ -141,7 +141,7 @@ def prepare_dataset(
         DatasetError: if the copy is of another dataset, or of another mask.
     """
     stamp = copy.with_suffix(".sha256")
-    told = f"{hash_manifest(source)}\n{config.data.mask.model_dump_json()}\n"
+    recipe = f"{hash_manifest(source)}\n{config.data.mask.model_dump_json()}\n"
     if copy.exists() and (force or not stamp.is_file()):
         shutil.rmtree(copy)
         stamp.unlink(missing_ok=True)
@@ -150,8 +150,8 @@ def prepare_dataset(
         shutil.copytree(source, copy)
         split_dataset(copy, split, force=read_manifest(copy).split is not None)
         write_pairs(copy, PairsRecipe(mask=config.data.mask, draws=DRAWS))
-        write_bytes(stamp, told.encode())
-    elif stamp.read_text("utf-8") != told:
+        write_bytes(stamp, recipe.encode())
+    elif stamp.read_text("utf-8") != recipe:
         raise DatasetError(
             f"{copy}: is a copy of another dataset than {source} is now, or of another mask; "
             "--force makes it anew"

@@ -13,7 +13,6 @@ from scipy.special import logit
 from scipy.stats import binom
 
 from bsg_models.belief.count_distribution import (
-    MIN_RATE,
     CountDistribution,
     blend,
     blend_copies,
@@ -32,11 +31,6 @@ from bsg_models.belief.negative_binomial import (
 
 MEANS = np.array([[0.5, 3.0, 0.0]])
 SPREAD = np.array([[0.7, 2.0, 5.0]])
-
-
-def test_what_is_not_expected_is_as_likely_as_by_the_least_rate() -> None:
-    found = poisson(np.zeros((1, 1))).log_probability(np.ones((1, 1)))
-    assert found[0, 0] == pytest.approx(stats.poisson.logpmf(1, MIN_RATE))
 
 
 def mixture() -> CountDistribution:
@@ -151,15 +145,6 @@ def test_tilts_go_with_their_nodes_and_classes() -> None:
     np.testing.assert_allclose(probabilities(joined, 5)[:, 3:], p)
 
 
-def test_nothing_is_hidden_where_all_is_known() -> None:
-    known = np.zeros((3, 4), dtype=bool)
-    known[1] = True
-    left = tilted().without(known)
-    np.testing.assert_allclose(left.presence[1], 0, atol=1e-12)
-    np.testing.assert_allclose(left.mean[1], 0, atol=1e-12)
-    np.testing.assert_array_equal(left.presence[0], tilted().presence[0])
-
-
 def test_a_presence_is_never_below_none() -> None:
     """Where nothing is hidden, Z and the tilt of none are the same number, up to rounding."""
     tilts = np.random.default_rng(0).normal(0, 1, (2, 1, 200, 45))
@@ -262,18 +247,6 @@ def test_a_tilted_prior_is_closed_under_thinning() -> None:
         gained = log_normaliser(left, mean, r) - log_normaliser(tilts, a / b, a)
         assert float(untilted + gained) == pytest.approx(float(np.log(joint.sum())))
     assert hidden_tilts(tilts, np.array(1)) == [1.1, -0.6, 0.0]
-
-
-@pytest.mark.parametrize("q", [-0.1, 1.0])
-def test_a_quantile_is_of_0_to_below_1(q: float) -> None:
-    with pytest.raises(ValueError, match="q must be 0 to below 1"):
-        poisson(np.ones((1, 1))).quantile(q)
-
-
-def test_barely_above_one_object_the_series_is_exact() -> None:
-    mean = 1e-4 * (1 + 9e-4)
-    found = zero_inflated(np.array([[1e-4]]), np.array([[mean]])).mean[0, 0]
-    assert found == pytest.approx(mean, rel=1e-11, abs=0)
 
 
 @pytest.mark.parametrize("tilts", [0, 3])

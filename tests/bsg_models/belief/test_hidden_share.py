@@ -56,13 +56,6 @@ def test_the_more_was_in_view_the_less_is_hidden(part: float, more: float) -> No
     assert waited[1].mean <= waited[0].mean
 
 
-def test_a_detector_that_misses_things_leaves_them_hidden() -> None:
-    whole = estimate_hidden_share(floor_in_view=0.7)
-    half = estimate_hidden_share(floor_in_view=0.7, recall=0.5)
-    assert 1 - half.mean == pytest.approx(0.5 * (1 - whole.mean))
-    assert estimate_hidden_share(floor_in_view=0.7, recall=0.0) == ShareBelief(1.0)
-
-
 @pytest.mark.parametrize(
     "said",
     [

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bsg_data.dataset.dataset import Dataset, read_splits
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
@@ -20,13 +20,6 @@ def folded(dataset: Path) -> Path:
     split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
     write_pairs(dataset, PairsRecipe(draws=1))
     return dataset
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_without_folds_a_part_is_its_split(dataset: Path, part: Split) -> None:
-    data = Dataset.open(dataset)
-    assert scenes_of(data, part) == tuple(read_splits(dataset)[part])
-    assert splits_of(data, part) == (part,)
 
 
 def test_folds_rotate_and_never_overlap(folded: Path) -> None:

@@ -62,14 +62,6 @@ def test_the_posterior_by_hand(prior: ShareBelief) -> None:
     assert found.hidden_share_sd == pytest.approx((second / total - mean**2) ** 0.5, abs=2e-3)
 
 
-def test_a_certain_share_stays() -> None:
-    assert PREDICTOR.believe_shares(OFFICE) == tuple(room.share for room in OFFICE.rooms)
-    graph = believe_kitchen(VAGUE)
-    waiting, kitchen, meeting = PREDICTOR.believe_shares(graph)
-    assert (waiting, meeting) == (graph.rooms[0].share, graph.rooms[2].share)
-    assert kitchen.sd < VAGUE.sd
-
-
 def test_a_predictor_averages_over_the_posterior() -> None:
     graph = believe_kitchen(VAGUE)
     (after,) = update_shares([graph], graph.observation(), expect_rooms=expect_two_of_each)
@@ -100,13 +92,6 @@ def test_withheld_classes_are_no_evidence() -> None:
     assert after.sd == pytest.approx(VAGUE.sd, abs=1e-3)
 
 
-def test_the_most_extreme_share_is_answered() -> None:
-    """A share that is all but 1 in half of the cases, although objects were seen."""
-    graph = believe_kitchen(ShareBelief(0.5, 0.499))
-    assert 0 < PREDICTOR.believe_shares(graph)[1].mean < 1
-    assert PREDICTOR(graph).is_finite
-
-
 def furnish(rooms: int) -> PartialGraph:
     """Return a building whose rooms were all visited, each with four things at random."""
     rng = np.random.default_rng(0)
@@ -121,20 +106,6 @@ def furnish(rooms: int) -> PartialGraph:
         ],
     }
     return parse_robot_graph(document, path=Path("furnished"))
-
-
-def test_groups_of_rooms_tell_what_single_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To about what eight levels are off by: .001 of a presence in the mean, .02 at most."""
-    graph = furnish(66)
-    monkeypatch.setattr(hidden_shares, "_GROUPS", 66)
-    alone = PREDICTOR.believe_shares(graph), PREDICTOR(graph).presence
-    monkeypatch.undo()
-    groups = PREDICTOR.believe_shares(graph), PREDICTOR(graph).presence
-    means = [[share.mean for share in shares] for shares in (alone[0], groups[0])]
-    assert means[0] != means[1]
-    np.testing.assert_allclose(means[0], means[1], atol=0.02)
-    np.testing.assert_allclose(alone[1], groups[1], atol=0.02)
-    assert np.abs(alone[1] - groups[1]).mean() < 0.001
 
 
 @pytest.mark.parametrize(("name", "size"), [("_NODES", 70), ("_CELLS", 1)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -121,12 +121,6 @@ def test_evidence_by_hand() -> None:
         assert np.argwhere(nodes.evidence[name]).tolist() == [[row, column] for row in range(3)]
 
 
-def test_networks_and_models_that_count_read_the_same_share() -> None:
-    seen = observe_building([[3] * 4] * 3, hidden_share=[0.25, 0.5, 1.0], withheld=[2])
-    assert to_nodes(seen).share.tolist() == seen.cell_share.tolist()
-    assert seen.cell_share[:2].tolist() == [[0.25, 0.25, 1, 0.25], [0.5, 0.5, 1, 0.5]]
-
-
 def test_every_kind_of_evidence_has_one_encoding() -> None:
     """A new kind is a field of a room, a row of its values and a row here: nothing else loops."""
     around = surround_rooms([9.0], ["kitchen"], building_kind="shop", source="mp3d")
@@ -137,26 +131,3 @@ def test_every_kind_of_evidence_has_one_encoding() -> None:
         less = to_nodes(seen.without(kind), reads=EVIDENCE).evidence
         hidden += [name for name in EVIDENCE if not np.array_equal(less[name], whole[name])]
     assert hidden == list(EVIDENCE)
-
-
-def test_a_gpu_copies_from_pinned_memory_and_nobody_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By what torch is asked for: there may be no GPU."""
-    pinned: list[torch.Tensor] = []
-    moved: list[tuple[str, bool]] = []
-
-    def pin(values: torch.Tensor) -> torch.Tensor:
-        pinned.append(values)
-        return values
-
-    def move(values: torch.Tensor, device: torch.device, *, non_blocking: bool) -> torch.Tensor:
-        assert any(values is one for one in pinned)
-        moved.append((device.type, non_blocking))
-        return values
-
-    monkeypatch.setattr(torch.Tensor, "pin_memory", pin)
-    monkeypatch.setattr(torch.Tensor, "to", move)
-    seen = observe_several()
-    nodes = to_nodes(seen, edges=("complete",), targets=seen.inputs, reads=EVIDENCE)
-    nodes.to(torch.device("cuda"))
-    arrays = len(fields(nodes)) - 2 + len(fields(nodes.neighbours)) + len(EVIDENCE)
-    assert moved == [("cuda", True)] * arrays

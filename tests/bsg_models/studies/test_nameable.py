@@ -148,7 +148,7 @@ def test_room_types_leave_out_what_a_room_cannot_name(merged: Path) -> None:
     """The mean of a class is that of the rooms whose source has a word for it."""
     data = Dataset.open(merged)
     bed = data.manifest.class_space.class_index("bed")
-    counts, _ = read_rooms(data, data.scene_ids, most=MOST)
+    counts, _ = read_rooms(data, data.scene_ids, limit=MOST)
     assert (counts[:, bed] == MISSING).sum() == 6
     fitted = fit_types(counts, types=1, iterations=5, seed=0)
     assert fitted.means[0, bed] == pytest.approx(1)  # in a home; .5 if offices counted as without

@@ -140,17 +140,6 @@ def test_a_stopped_training_goes_on_to_the_bytes_of_an_unbroken_one(
     assert not name_staged(run).exists()
 
 
-def test_a_training_that_was_not_saved_yet_starts_again(
-    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(epochs, "SECONDS_BETWEEN_SAVES", 1e9)
-    with pytest.raises(KeyboardInterrupt):
-        train_run(short(), dataset, tmp_path / "run", progress=stop_at(7))
-    told: list[EpochReport] = []
-    train_run(short(), dataset, tmp_path / "run", progress=told.append)
-    assert told[0].epoch == 1
-
-
 def test_metrics_grow_beside_the_run_while_it_is_trained(dataset: Path, tmp_path: Path) -> None:
     run, grown = tmp_path / "run", list[str]()
 

@@ -125,12 +125,6 @@ def test_some_rooms_and_classes_are_answered_as_all_are() -> None:
         np.testing.assert_allclose(some.presence, expected.presence, rtol=1e-9)
 
 
-def test_rooms_of_a_building_are_asked_for_the_same_classes() -> None:
-    seen = observe_rooms([[0, 0]] * 3, [1.0] * 3)
-    with pytest.raises(ValueError, match="same columns"):
-        tilted_model().predict_rooms(seen, np.array([1, 2]), np.array([[0], [1]]))
-
-
 def test_a_building_without_rooms_is_not_tilted() -> None:
     seen = observe_building([[3, 1]], hidden_share=[0.5])
     found = tilted_model().predict(seen).hidden_counts

@@ -12,19 +12,17 @@ from one_building import make_zoo_model, observe_building
 from scipy import stats
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import sample_masked, stack_masked
+from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.observation import stack
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
-from bsg_models.zoo.calibration import fit_calibration, take_sample
+from bsg_models.zoo.calibration import fit_calibration
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import (
     fit_gamma_prior,
-    tally_rooms,
 )
-from bsg_models.zoo.mixture import read_rooms
 from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.room_sums import sum_rooms
 
@@ -77,11 +75,6 @@ def test_the_gamma_prior_maximises_scipys_likelihood() -> None:
     assert a == pytest.approx(1.5, rel=0.15)
 
 
-def test_a_class_that_never_occurs_has_a_weak_prior() -> None:
-    a, b = fit_gamma_prior((np.array([0]), np.array([50])))
-    assert a / b == pytest.approx(0.01)
-
-
 def test_gamma_poisson_by_hand() -> None:
     """Prior Gamma(2, 1), 3 seen of a mask of one half: posterior Gamma(5, 1.5), hidden mean 5/3."""
     model = make_zoo_model("gamma-poisson", classes=1)
@@ -124,37 +117,6 @@ def test_a_building_of_tilted_rooms_has_what_any_of_them_has() -> None:
     none = (1 - distribution.presence[1:]).prod(axis=0)
     np.testing.assert_allclose(found.presence[0], 1 - none, atol=1e-9)
     np.testing.assert_array_equal(found.presence[1:], distribution.presence[1:])
-
-
-def test_rooms_are_in_the_order_that_is_asked_for(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    scenes = data.scene_ids[::-2]
-    counts, building = read_rooms(data, scenes, most=3)
-    for number, scene in enumerate(scenes):
-        cut = np.minimum(data.cells(scene)[1:], 3)
-        np.testing.assert_array_equal(counts[building == number], cut)
-
-
-def test_a_tally_is_that_of_all_rooms_at_once(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    rooms = np.concatenate([data.cells(scene)[1:] for scene in data.scene_ids])
-    tallies = tally_rooms(data, data.scene_ids)
-    for column, (values, times) in zip(rooms.T, tallies, strict=True):
-        np.testing.assert_array_equal([values, times], np.unique(column, return_counts=True))
-
-
-@pytest.mark.parametrize("most", [1, 60, 200])
-def test_a_sample_is_as_much_as_fits(dataset: Path, most: int) -> None:
-    data, mask = Dataset.open(dataset), MaskRecipe()
-    whole = stack_masked([sample_masked(data, data.scene_ids, mask=mask, draw=d) for d in range(4)])
-    found = take_sample(whole, most=most)
-    assert len(found.targets) <= most or len(found) == 1
-    assert len(found.targets) > most - np.diff(whole.seen.starts).max()
-    numbers = [data.scene_ids.index(scene) for scene in found.seen.scene_ids]
-    places = [len(data.scene_ids) * d + n for d, n in zip(found.draws, numbers, strict=True)]
-    assert places == sorted(set(places))
-    np.testing.assert_array_equal(found.targets, whole.take(places).targets)
-    assert take_sample(whole, most=len(whole.targets)) is whole
 
 
 def test_calibration_mends_what_is_too_sure() -> None:

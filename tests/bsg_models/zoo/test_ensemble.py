@@ -41,15 +41,6 @@ def test_an_ensemble_reads_categories_if_a_member_does() -> None:
     assert [member.vocabulary for member in model.members.values()] == [(), ("tap",)]
 
 
-def test_the_recipe_of_a_member_is_the_one_that_is_given() -> None:
-    """A checkpoint holds the recipes of its members, so that the zoo's may change."""
-    narrow = configure("ceci-sage", "model.width=6", "data.edges=['up']")
-    model = make_model(mix("ceci-sage"), classes=3, members={"ceci-sage": narrow})
-    member = model.members["ceci-sage"]
-    assert member.config == narrow.model
-    assert member.inputs.edges == ("up",) != model.inputs.edges
-
-
 def test_an_ensemble_trains_its_members_and_is_their_mean(dataset: Path, tmp_path: Path) -> None:
     config = configure(
         "ensemble", 'model.members=["gamma-poisson","mixture"]', "model.calibrate=false", "seed=3"

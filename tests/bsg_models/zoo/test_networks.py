@@ -19,10 +19,8 @@ from bsg_data.errors import MismatchError
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EVIDENCE, to_nodes
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST
 from bsg_models.training.count_gradients import CountGradients, Dropout
-from bsg_models.training.training import new_model, train_run
+from bsg_models.training.training import new_model
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, tabulate_labels
@@ -115,14 +113,6 @@ def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path)
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_dropout_leaves_what_is_told_of_the_mask() -> None:
-    features = torch.ones(50, 8)
-    dropped = Dropout().channels(features, 0.5, kept=[slice(2, 4), slice(4, 5)])
-    assert (dropped[:, 2:5] == 1).all()
-    assert set(dropped[:, [0, 1, 5, 6, 7]].unique().tolist()) == {0.0, 2.0}
-    assert NO_DROPOUT.channels(features, 0.5, kept=[slice(2, 5)]) is features
-
-
 def test_features_by_hand() -> None:
     """Building with three rooms, the last unvisited; one class, two other categories."""
     features = NodeFeatures(NetworkConfig(embedding=2), 1, 2)
@@ -202,21 +192,6 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     assert changed[1, 1] < changed[3, 1] == pytest.approx(1)
     assert changed[2, 1] > 1
     assert np.allclose(changed[3], 1)
-
-
-@pytest.mark.parametrize("name", NETWORKS)
-def test_a_network_learns_and_is_saved_and_loaded_alike(
-    name: str, dataset: Path, tmp_path: Path
-) -> None:
-    """On buildings that are alike, it soon beats what it started as: the mean room."""
-    settings = ("training.epochs=60", "training.learning_rate=0.02", "model.dropout=0.0")
-    reports = list(train_run(small(name, *settings), dataset, tmp_path / "run"))
-    assert reports[-1].train_loss < 0.7 * reports[0].train_loss
-    checkpoint = load_checkpoint(tmp_path / "run" / BEST)
-    model = restore_model(tmp_path / "run" / BEST, checkpoint)
-    assert model.vocabulary == checkpoint.header.vocabulary
-    assert "wall" in model.vocabulary
-    assert checkpoint.header.calibrated
 
 
 def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(
