@@ -83,9 +83,9 @@ def keep_rooms(graph: PartialGraph, rows: Ints) -> PartialGraph:
             if obj.room_index in number
         ),
         adjacency=tuple(
-            (number[one], number[two])
-            for one, two in graph.adjacency
-            if one in number and two in number
+            (number[first], number[second])
+            for first, second in graph.adjacency
+            if first in number and second in number
         ),
         looks=(),
         hidden_share=float(np.mean([room.hidden_share for room in rooms])),
