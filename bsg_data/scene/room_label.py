@@ -494,7 +494,7 @@ def _list_known() -> frozenset[str]:
     """Return words of English: none of them is a typo of another word for a room."""
     names = [*load_class_map().entries, *(word for _, word in _read_labels())]
     return read_real_words() | set(
-        map(make_singular, _WORDS.findall(_make_plain("\n".join(names))))
+        map(make_singular, {*_WORDS.findall(_make_plain("\n".join(names)))})
     )
 
 

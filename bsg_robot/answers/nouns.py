@@ -99,11 +99,6 @@ def _take_sets(name: str) -> tuple[frozenset[str], frozenset[str]]:
     return frozenset(before), frozenset((head, *singulars(head)))
 
 
-def describe_state(expected: Floats) -> Floats:
-    """Return log(E + ε) of expected contents `[N, C]`."""
-    return np.asarray(np.log(np.maximum(expected, 0.0) + EPSILON))
-
-
 @dataclass(frozen=True, eq=False)
 class Noun:
     """A thing, by what its name means.
@@ -237,7 +232,8 @@ class NounTable:
 
     def states(self, expected: Floats) -> Floats:
         """Return s `[N, K]` of expected contents `[N, C]`."""
-        return np.asarray(describe_state(expected) @ self.projection + self.centre)
+        logs = np.log(np.maximum(expected, 0.0) + EPSILON)
+        return np.asarray(logs @ self.projection + self.centre)
 
 
 @cache

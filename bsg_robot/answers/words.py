@@ -156,10 +156,10 @@ def find_everyday(word: str) -> Thing | None:
     A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
     one typo is mended.
     """
-    return None if len(word) > LONGEST else find_listed(word) or _find_mended(word)
+    return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
-def find_listed(word: str) -> Thing | None:
+def _find_listed(word: str) -> Thing | None:
     """Return the thing that a name is listed as."""
     said = name_only(word)
     before, head = split_head(said)
@@ -201,7 +201,7 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     before, head = split_head(str(known.category) if is_known and known.rule else said)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
         name, more = " ".join([*before[number:], head]), tuple(before[:number])
-        if thing := find_listed(name):
+        if thing := _find_listed(name):
             index = known.class_index
             is_kind = index is not None and index == class_map.classify(name).class_index
             if is_known and not (is_kind and any(map(find_use, more))):
@@ -234,7 +234,7 @@ def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) 
     """Say where people search for an everyday thing, or which class counts it."""
     name, how = class_name or thing.name, []
     if normalise_name(word) != normalise_name(name):
-        is_mended = find_listed(word) is None and find_wider(word)[0] is None
+        is_mended = _find_listed(word) is None and find_wider(word)[0] is None
         taken = f"no model knows {word!r}; taken for {name!r}, the most similar name"
         how.append(taken if is_mended else f"{word!r} is {name!r}")
     if class_name is None:
