@@ -14,18 +14,17 @@ import pytest
 from asked_service import ask_service
 from click.testing import CliRunner
 from conftest import REPOSITORY
-from dsg_files import robot_graph, write_graph
+from dsg_files import robot_graph
 
 from bsg_cli.belief import main as belief
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.sources.catalogue import open_source
-from bsg_models import Predictor, believe
-from bsg_robot import annotate_hydra, open_graph
+from bsg_robot import open_graph
 from bsg_robot.answers.description import describe_things
 from bsg_robot.answers.words import find_everyday
-from bsg_robot.graph.graph_file import open_graph_file, parse_graph
+from bsg_robot.graph.graph_file import parse_graph
 from bsg_robot.graph.robot_json import parse_robot_graph
 from bsg_robot.ros.requests import Robot
 
@@ -81,11 +80,6 @@ def list_expected() -> Classes:
 
 
 EXPECTED = [*list_expected(), *PHRASES.values()]
-
-
-@pytest.fixture(scope="module")
-def predictor() -> Predictor:
-    return Predictor()
 
 
 def label_graph(*, named: bool) -> dict[str, Any]:
@@ -205,23 +199,6 @@ def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
     plain = tell(describe_things(open_graph(HOME), [*FEW.values()], here=None)["things"])
     for door, things in ask_everywhere([*FEW]):
         assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
-
-
-def test_an_annotated_graph_opens_with_the_names_that_it_carries(
-    tmp_path: Path, predictor: Predictor
-) -> None:
-    """Without the label space that named them."""
-    graph = robot_graph()
-    graph["metadata"] = {}
-    named = open_graph_file(write_graph(tmp_path / "dsg.json", graph), labels="mpcat40")
-    belief = believe(named.graph, predictor(named.graph))
-    annotate_hydra(belief, named, tmp_path / "annotated.json")
-    again = open_graph_file(tmp_path / "annotated.json")
-    assert [obj.category for obj in again.graph.objects] == [
-        obj.category for obj in named.graph.objects
-    ]
-    *_, note = again.notes
-    assert note.startswith("1 object with labels that nobody names (99)")
 
 
 CASES = REPOSITORY.parent / "shared" / "cases"
