@@ -199,10 +199,14 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
         if word and _may_follow(words[size - 1], words[size:]):
             return word, "first words"
     for words in (*forms, *tails):
-        wrong = [word for word in words if word not in _list_known()]
-        if wrong and len(min(wrong, key=len)) >= _MISSPELT and (word := _mend("".join(words))):
+        if (word := _mend("".join(words))) and _is_misspelt(words):
             return word, "misspelt"
     return None
+
+
+def _is_misspelt(words: Sequence[str]) -> bool:
+    wrong = [word for word in words if word not in _list_known()]
+    return bool(wrong) and len(min(wrong, key=len)) >= _MISSPELT
 
 
 def _may_follow(kind: str, behind: Sequence[str]) -> bool:
