@@ -103,8 +103,8 @@ def mark_code(name: str) -> str:
 
 def is_obeyed(character: str) -> bool:
     """Say whether a character controls a terminal instead of being shown; see `make_plain`."""
-    kept = character.isprintable() or character in "\n\t"
-    return not kept and unicodedata.category(character) != "Zs"  # spaces of other widths
+    is_shown = character.isprintable() or character in "\n\t"
+    return not is_shown and unicodedata.category(character) != "Zs"  # spaces of other widths
 
 
 def _printable(cell: object) -> str:

@@ -27,11 +27,11 @@ class Terms:
         address = _ADDRESS, "an address"
         spdx = r"[A-Za-z0-9.+-]+", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME"
         rules = (spdx, address, address, line, line)
-        for one, (pattern, expected) in zip(fields(self), rules, strict=True):
-            value = getattr(self, one.name)
+        for field, (pattern, expected) in zip(fields(self), rules, strict=True):
+            value = getattr(self, field.name)
             if not re.fullmatch(pattern, value):
-                message = f"{one.name}: expected {expected}, found {value!r}"
-                raise SourceError(message, code="terms-malformed", where=one.name)
+                message = f"{field.name}: expected {expected}, found {value!r}"
+                raise SourceError(message, code="terms-malformed", where=field.name)
 
 
 def is_address(text: str) -> bool:

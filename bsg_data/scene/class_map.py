@@ -116,7 +116,9 @@ class ClassMap:
         """
         class_of: dict[int | None, str] = {None: "", **dict(enumerate(self.classes))}
         listed = self.normalised.items()
-        meanings = {name: (one.category or "", class_of[one.class_index]) for name, one in listed}
+        meanings = {
+            name: (entry.category or "", class_of[entry.class_index]) for name, entry in listed
+        }
         others = list_synonyms(meanings).items()
         read = {
             word: replace(self.normalised[name], rule=rule) if name else _UNMAPPED
@@ -176,18 +178,18 @@ class ClassMap:
             of_parts = [_list_readings(part) for part in parts]
             known = [*filter(None, map(self._read, of_parts))]
             if known:  # rule 5 of mappings/README.md: the first with a class, or the first
-                best = min(known, key=lambda one: one.class_index is None)
+                best = min(known, key=lambda entry: entry.class_index is None)
                 return replace(best, rule="phrase")
             readings = [*chain.from_iterable(of_parts)]
         return found or self._mend(readings) or _UNMAPPED
 
     def _read(self, readings: Iterable[str], *, is_whole: bool = False) -> Classified | None:
         """Return what the readings of a name stand for as they are, or else by their last words."""
-        said = [drop_number(separate(one)).split()[:MOST_WORDS] for one in readings]
-        for words in said:
+        spoken = [drop_number(separate(reading)).split()[:MOST_WORDS] for reading in readings]
+        for words in spoken:
             if found := self._read_words(words):
                 return None if found.role == "unmapped" else found
-        for tail in () if is_whole else chain.from_iterable(map(list_tails, said)):
+        for tail in () if is_whole else chain.from_iterable(map(list_tails, spoken)):
             if found := self._read_words(tail):
                 return None if found.class_index is None else replace(found, rule="head noun")
         return None
@@ -198,8 +200,8 @@ class ClassMap:
         spaced = " ".join(words)
         pairs = range(len(words) - 1)
         joined = (" ".join([*words[:i], words[i] + words[i + 1], *words[i + 2 :]]) for i in pairs)
-        forms: list[tuple[str, Rule]] = [(one, "separator") for one in (spaced, *joined)]
-        for form, rule in (*forms, *((one, "number") for one in change_number(spaced))):
+        forms: list[tuple[str, Rule]] = [(form, "separator") for form in (spaced, *joined)]
+        for form, rule in (*forms, *((form, "number") for form in change_number(spaced))):
             if found := self.words.get(form):
                 is_plain = found.rule is None and found.role != "unmapped"
                 return replace(found, rule=rule) if is_plain else found
@@ -208,11 +210,13 @@ class ClassMap:
     def _mend(self, readings: Iterable[str]) -> Classified | None:
         """Return what a name with one typo stands for; None if that is not one class."""
         real = read_real_words()
-        near = {one for name in readings for one in self._spellings.mend(name, real=real)}
-        found = [*filter(None, (self.lookup(one) or self._read([one]) for one in sorted(near)))]
+        near = {mended for name in readings for mended in self._spellings.mend(name, real=real)}
+        found = [
+            *filter(None, (self.lookup(mended) or self._read([mended]) for mended in sorted(near)))
+        ]
         if len({entry.class_index for entry in found}) != 1 or found[0].class_index is None:
             return None
-        return replace(min(found, key=lambda one: len(str(one.category))), rule="spelling")
+        return replace(min(found, key=lambda entry: len(str(entry.category))), rule="spelling")
 
 
 class PublishedMap(NamedTuple):
@@ -356,11 +360,11 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
     maps = (first, *others)
     return replace(
         first,
-        version=" + ".join(one.version for one in maps),
-        sha256=hashlib.sha256("".join(one.sha256 for one in maps).encode()).hexdigest(),
-        structure=frozenset().union(*(one.structure for one in maps)),
-        entries=ChainMap(*(dict(one.entries) for one in maps)),
-        normalised=ChainMap(*(dict(one.normalised) for one in maps)),
+        version=" + ".join(class_map.version for class_map in maps),
+        sha256=hashlib.sha256("".join(class_map.sha256 for class_map in maps).encode()).hexdigest(),
+        structure=frozenset().union(*(class_map.structure for class_map in maps)),
+        entries=ChainMap(*(dict(class_map.entries) for class_map in maps)),
+        normalised=ChainMap(*(dict(class_map.normalised) for class_map in maps)),
     )
 
 

@@ -116,13 +116,15 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
     """Parse `index,class,definition` as a space, and one sentence per class `[C]`."""
     file = f"{name}{_SUFFIX}"
     found: dict[str, str] = {}
-    for line, (index, one, definition) in read_rows(file, data, ("index", "class", "definition")):
-        if index != str(len(found)) or not one or one in found:
+    for line, (index, class_name, definition) in read_rows(
+        file, data, ("index", "class", "definition")
+    ):
+        if index != str(len(found)) or not class_name or class_name in found:
             raise ClassMapError(
                 f"{file}, line {line}: expected index {len(found)} and a new class name, "
-                f"found {show_value(index)}, {show_value(one)}"
+                f"found {show_value(index)}, {show_value(class_name)}"
             )
-        found[one] = definition
+        found[class_name] = definition
     if not 1 <= len(found) <= _MAX_CLASSES:
         raise ClassMapError(f"{file}: expected 1 to {_MAX_CLASSES} classes, found {len(found)}")
     return ClassSpace.of(name, found), tuple(found.values())

@@ -44,8 +44,8 @@ class Connections:
         row_of = np.full(max(self.pairs.max(initial=0), nodes.max(initial=0)) + 1, -1)
         row_of[nodes] = np.arange(len(nodes))
         moved = row_of[self.pairs]
-        kept = (moved >= 0).all(axis=1)
-        return Connections(moved[kept], self.methods[kept], self.lengths[kept])
+        is_among = (moved >= 0).all(axis=1)
+        return Connections(moved[is_among], self.methods[is_among], self.lengths[is_among])
 
 
 NO_CONNECTIONS = Connections.of_pairs(())
@@ -54,7 +54,9 @@ NO_CONNECTIONS = Connections.of_pairs(())
 def stack_connections(several: Sequence[Connections], offsets: Sequence[int]) -> Connections:
     """Return the connections of several buildings, one or more, moved by the first node of each."""
     return Connections(
-        np.concatenate([one.pairs + first for one, first in zip(several, offsets, strict=True)]),
-        np.concatenate([one.methods for one in several]),
-        np.concatenate([one.lengths for one in several]),
+        np.concatenate(
+            [connections.pairs + first for connections, first in zip(several, offsets, strict=True)]
+        ),
+        np.concatenate([connections.methods for connections in several]),
+        np.concatenate([connections.lengths for connections in several]),
     )

@@ -123,7 +123,10 @@ class RoomReader:
         """Return the user's word that a name is; None if the user lists none."""
         if not self.own:
             return None
-        return next((one for one in (name, normalise_room(name)) if one in self._labels), None)
+        return next(
+            (spelling for spelling in (name, normalise_room(name)) if spelling in self._labels),
+            None,
+        )
 
     @cached_property
     def _labels(self) -> dict[str, str | None]:
@@ -186,36 +189,40 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
             return word, None
     if load_class_map().lookup(name) is not None:
         return None  # the name of a thing, and not of a room that is spelt like it
-    sizes = [(words, most) for words in forms for most in range(_HEAD, 0, -1) if most < len(words)]
-    tails = [words[-most:] for words, most in sizes]
+    sizes = [(words, size) for words in forms for size in range(_HEAD, 0, -1) if size < len(words)]
+    tails = [words[-size:] for words, size in sizes]
     for words in tails:
         if (word := listed.get("".join(words))) and not _is_of(words[-1], "other head"):
             return word, "head noun"
-    for words, most in sizes:
-        word = listed.get("".join(words[:most]))
-        if word and _may_follow(words[most - 1], words[most:]):
+    for words, size in sizes:
+        word = listed.get("".join(words[:size]))
+        if word and _may_follow(words[size - 1], words[size:]):
             return word, "first words"
     for words in (*forms, *tails):
-        wrong = [word for word in words if word not in _list_known()]
-        if wrong and len(min(wrong, key=len)) >= _MISSPELT and (word := _mend("".join(words))):
+        if (word := _mend("".join(words))) and _is_misspelt(words):
             return word, "misspelt"
     return None
 
 
-def _may_follow(kind: str, rest: Sequence[str]) -> bool:
+def _is_misspelt(words: Sequence[str]) -> bool:
+    wrong = [word for word in words if word not in _list_known()]
+    return bool(wrong) and len(min(wrong, key=len)) >= _MISSPELT
+
+
+def _may_follow(kind: str, behind: Sequence[str]) -> bool:
     """Say whether words behind a kind of room leave it one: Alpha, but not door or tool store."""
-    if _is_of(kind, "other head") or _is_of(rest[-1], "other head"):
+    if _is_of(kind, "other head") or _is_of(behind[-1], "other head"):
         return False
     lookup = load_class_map().lookup
-    return all(lookup(" ".join(rest[start:])) is None for start in range(len(rest)))
+    return all(lookup(" ".join(behind[start:])) is None for start in range(len(behind)))
 
 
 def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
     """Yield the words of a name, without what says which room it is, and of each of its pieces."""
     plain = _make_plain(name)
     for piece in dict.fromkeys((plain, *_BETWEEN.split(plain))):
-        said = [word for word in _WORDS.findall(piece) if not word[0].isdecimal()]
-        words = tuple(map(make_singular, said))
+        spoken = [word for word in _WORDS.findall(piece) if not word[0].isdecimal()]
+        words = tuple(map(make_singular, spoken))
         yield words
         while words and _is_of(words[-1], "which", "whose"):
             words = words[:-1]
@@ -245,13 +252,13 @@ def _mend(key: str) -> str | None:
     """Return the listed word of which a key is a typo, if that is one kind of room."""
     rows, listed = _read_labels(), _list_keys()
     near = _read_spellings().near(key) if len(key) >= _MENDED else []
-    shifted = [one for one in near if len(one) != len(key) or sorted(one) == sorted(key)]
+    shifted = [other for other in near if len(other) != len(key) or sorted(other) == sorted(key)]
     keys = shifted or (near if len(key) >= _REPLACED else [])
-    words = [listed[one] for one in keys]
+    words = [listed[other] for other in keys]
     kinds = {str(rows[_ANY_SOURCE, word]) for word in words}
     # A "badroom" is rather a bedroom than a band room: a rare kind must be all that is near.
     is_usual = all(known_label(kind) == kind for kind in kinds)
-    is_alone = kinds == {rows[_ANY_SOURCE, listed[one]] for one in near}
+    is_alone = kinds == {rows[_ANY_SOURCE, listed[other]] for other in near}
     return words[0] if len(kinds) == 1 and (is_usual or is_alone) else None
 
 
@@ -285,8 +292,8 @@ def tell_building(name: str) -> str | None:
     ('hospital', None, 'home')
     """
     found, rows = read_room(name), _read_labels()
-    told = (rows.get((_BUILDING, word)) for word in (found.word, found.label) if word)
-    return next(filter(None, told), None)
+    kinds = (rows.get((_BUILDING, word)) for word in (found.word, found.label) if word)
+    return next(filter(None, kinds), None)
 
 
 def read_building_kind(word: str) -> str | None:
@@ -315,8 +322,8 @@ def owner_of(name: str) -> str | None:
     ends = (match.end() for match in islice(_WORDS.finditer(name), _HEAD))
     owned = (end for end in ends if read_room(name[:end]).label in _OWNED)
     behind = (_AFTER_KIND.fullmatch(name, end) for end in owned)
-    said = (match.group(1).casefold() for match in (_POSSESSOR.search(name), *behind) if match)
-    return next(filter(_is_owner, said), None)
+    names = (match.group(1).casefold() for match in (_POSSESSOR.search(name), *behind) if match)
+    return next(filter(_is_owner, names), None)
 
 
 def _is_owner(word: str) -> bool:
@@ -353,26 +360,28 @@ def normalise_room(name: str) -> str:
     return drop_number(separate(name))
 
 
-def check_room_type(said: RoomType | None) -> RoomType | None:
-    """Return what is said of the type of a room, as it is said; see `read_room_type`.
+def check_room_type(room_type: RoomType | None) -> RoomType | None:
+    """Return the type of a room as it was said; see `read_room_type`.
 
     Raises:
         RecipeError: for an impossible probability or a sum above 1.
     """
-    if said is None or isinstance(said, str):
-        return said
-    if not isinstance(said, Mapping) or not all(isinstance(word, str) for word in said):
+    if room_type is None or isinstance(room_type, str):
+        return room_type
+    if not isinstance(room_type, Mapping) or not all(isinstance(word, str) for word in room_type):
         raise RecipeError(
-            f"expected a room label, or labels with their probabilities, found {show_value(said)}"
+            "expected a room label, or labels with their probabilities, "
+            f"found {show_value(room_type)}"
         )
-    if not 1 <= len(said) <= _MOST_LABELS:
+    if not 1 <= len(room_type) <= _MOST_LABELS:
         raise RecipeError(
-            f"expected 1 to {_MOST_LABELS} labels, found {len(said)}; leave it out, or give null"
+            f"expected 1 to {_MOST_LABELS} labels, found {len(room_type)}; leave it out, or give "
+            "null"
         )
-    most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
+    upper_bound, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
     found = {
-        word: read_number(show_value(word), probability, most=most, wanted=wanted)
-        for word, probability in said.items()
+        word: read_number(show_value(word), probability, most=upper_bound, wanted=wanted)
+        for word, probability in room_type.items()
     }
     total = math.fsum(found.values())
     if total > 1 + _ROUNDING:
@@ -381,7 +390,7 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
 
 
 def read_room_type(
-    said: RoomType | None, *, read: Callable[[str], ReadRoom] = read_room
+    room_type: RoomType | None, *, read: Callable[[str], ReadRoom] = read_room
 ) -> ReadType:
     """Return the type of a room in common labels; probabilities of equal labels are summed.
 
@@ -391,13 +400,13 @@ def read_room_type(
     ('zzz',)
 
     Args:
-        said: a word, or words with their probabilities.
+        room_type: a word, or words with their probabilities.
         read: reads each word.
 
     Raises:
         RecipeError: as `check_room_type`.
     """
-    checked = check_room_type(said)
+    checked = check_room_type(room_type)
     found: dict[str, float] = {}
     unread: list[str] = []
     origins: dict[str, Origin] = {}
@@ -416,18 +425,18 @@ def read_room_type(
 
 def say_again(labels: RoomType | None, origins: Iterable[Origin]) -> RoomType | None:
     """Return what was said of a type, from the labels that were read; None if nobody said it."""
-    said = {one.label: None if one.by_name else one.said for one in origins}
+    spoken = {origin.label: None if origin.by_name else origin.said for origin in origins}
     if labels is None or isinstance(labels, str):
-        return said.get(labels, labels) if labels else None
-    return {said.get(label) or label: likely for label, likely in labels.items()}
+        return spoken.get(labels, labels) if labels else None
+    return {spoken.get(label) or label: likely for label, likely in labels.items()}
 
 
-def weigh_labels(said: RoomType | None) -> Mapping[str, float]:
+def weigh_labels(room_type: RoomType | None) -> Mapping[str, float]:
     """Return the labels of a type with their probabilities."""
-    return {said: 1.0} if isinstance(said, str) else said or {}
+    return {room_type: 1.0} if isinstance(room_type, str) else room_type or {}
 
 
-def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
+def spread_labels(room_type: RoomType | None) -> npt.NDArray[np.float32]:
     """Return a type as a distribution over the labels `[L]`; all 0 if it says nothing.
 
     What its probabilities leave is spread evenly over all labels.
@@ -435,14 +444,14 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
-    return _spread(tuple(weigh_labels(check_room_type(said)).items()))
+    return _spread(tuple(weigh_labels(check_room_type(room_type)).items()))
 
 
 @lru_cache(maxsize=4096)  # every observation asks again
-def _spread(said: tuple[tuple[str, float], ...]) -> npt.NDArray[np.float32]:
+def _spread(labels: tuple[tuple[str, float], ...]) -> npt.NDArray[np.float32]:
     index = {label: number for number, label in enumerate(list_room_labels())}
     row = np.zeros(len(index))
-    for label, probability in weigh_labels(read_room_type(dict(said) or None).labels).items():
+    for label, probability in weigh_labels(read_room_type(dict(labels) or None).labels).items():
         if (read := known_label(label)) in index:
             row[index[read]] += probability
     if row.any():
@@ -475,8 +484,11 @@ def _list_keys() -> Mapping[str, str]:
     """
     words = [word for source, word in _read_labels() if source == _ANY_SOURCE]
     lines = _make_plain("\n".join(words)).split("\n")
-    said = ([one for one in _WORDS.findall(line) if not one[0].isdecimal()] for line in lines)
-    keyed = {word: "".join(map(make_singular, one)) for word, one in zip(words, said, strict=True)}
+    spoken = ([word for word in _WORDS.findall(line) if not word[0].isdecimal()] for line in lines)
+    keyed = {
+        word: "".join(map(make_singular, letters))
+        for word, letters in zip(words, spoken, strict=True)
+    }
     plain_last = sorted(words, key=lambda word: keyed[word] == word.replace(" ", ""))
     return {keyed[word]: word for word in plain_last}
 
@@ -486,7 +498,7 @@ def _list_known() -> frozenset[str]:
     """Return words of English: none of them is a typo of another word for a room."""
     names = [*load_class_map().entries, *(word for _, word in _read_labels())]
     return read_real_words() | set(
-        map(make_singular, _WORDS.findall(_make_plain("\n".join(names))))
+        map(make_singular, {*_WORDS.findall(_make_plain("\n".join(names)))})
     )
 
 

@@ -96,8 +96,10 @@ class Surroundings:
         found.sources[:] = [_find(word, KNOWN_SOURCES) for word in scenes["source"].to_pylist()]
         found.floor_area[rows] = _measure_rooms(rooms)
         found.labels[rows] = _mark_labels(rooms)
-        for one in fields(cls):
-            getattr(found, one.name).setflags(write=False)  # all readers of the dataset share it
+        for evidence in fields(cls):
+            getattr(found, evidence.name).setflags(
+                write=False
+            )  # all readers of the dataset share it
         return found
 
     def take(self, rows: slice | Ints, *, buildings: slice | Ints) -> Surroundings:
@@ -115,13 +117,16 @@ class Surroundings:
         return replace(self, **{name: getattr(nothing, name) for name in evidence})
 
 
-EVIDENCE = tuple(one.name for one in fields(Surroundings))
+EVIDENCE = tuple(evidence.name for evidence in fields(Surroundings))
 
 
 def stack_surroundings(several: Sequence[Surroundings]) -> Surroundings:
     """Return the surroundings of several buildings, one or more, in order."""
     return Surroundings(
-        *(np.concatenate([getattr(one, name) for one in several]) for name in EVIDENCE)
+        *(
+            np.concatenate([getattr(surroundings, name) for surroundings in several])
+            for name in EVIDENCE
+        )
     )
 
 
@@ -131,15 +136,15 @@ def is_floor_area(area: float | None) -> bool:
 
 
 def find_floor_area(
-    said: float | None, *, footprint: Sequence[tuple[float, float]] | None, box: Box | None
+    area: float | None, *, footprint: Sequence[tuple[float, float]] | None, box: Box | None
 ) -> float | None:
     """Return the floor area of a room in square metres; None if nothing says one.
 
-    What is said counts first, then the footprint `(x, y)`, then the box. What no room can have
-    counts as not said.
+    The area that is said counts first, then the footprint `(x, y)`, then the box. What no room can
+    have counts as not said.
     """
-    if is_floor_area(said):
-        return said
+    if is_floor_area(area):
+        return area
     area = measure_area(footprint) if footprint else None
     if area is None and box is not None:
         (a, b, _), (c, d, _) = box.minimum, box.maximum

@@ -42,7 +42,7 @@ def list_synonyms(listed: Mapping[str, tuple[str, str]]) -> dict[str, tuple[str,
     found = dict(called)
     for name, category in {**_read_synonyms(), **vocabulary}.items():
         wider = _list_wider(name, category) if name in vocabulary else ()
-        others = (one for one in (category, called.get(category), *wider) if one in listed)
+        others = (other for other in (category, called.get(category), *wider) if other in listed)
         if (other := next(others, None)) or not category or name in vocabulary:
             found[name] = other or ""
     for name, other in {**{name: name for name in listed}, **found}.items():
@@ -62,19 +62,19 @@ def _list_wider(word: str, category: str) -> Iterator[str]:
     of_hm3d = _read_classes()
     for name in (category, word):
         tails = (" ".join(tail) for tail in list_tails(name.split()))
-        for one in (*change_number(name), *tails):
-            if of_hm3d.get(one) == of_hm3d[category] != "":
-                yield one
+        for other in (*change_number(name), *tails):
+            if of_hm3d.get(other) == of_hm3d[category] != "":
+                yield other
 
 
 def _name_meanings(listed: Mapping[str, tuple[str, str]]) -> dict[str, str]:
     """Return a listed name for each category, class and synonym that is not listed itself."""
     synonyms, meanings = _read_synonyms(), zip(*listed.values(), strict=True)
-    said = [*chain.from_iterable(meanings), *(synonyms.get(name, "") for name in listed)]
+    meant = [*chain.from_iterable(meanings), *(synonyms.get(name, "") for name in listed)]
     found: dict[str, str] = {}
-    for one, name in zip(normalise_names(said), [*listed] * 3, strict=True):
-        if one and one != UNKNOWN and one not in listed:
-            found.setdefault(one, name)
+    for meaning, name in zip(normalise_names(meant), [*listed] * 3, strict=True):
+        if meaning and meaning != UNKNOWN and meaning not in listed:
+            found.setdefault(meaning, name)
     return found
 
 
@@ -98,7 +98,9 @@ def _read_vocabulary() -> Mapping[str, str]:
     """
     table = read_columns(_VOCABULARIES)
     pairs = [*zip(table["word"], normalise_names(table["category"]), strict=True)]
-    return {separate(one): meant for word, meant in pairs for one in (word, take_apart(word))}
+    return {
+        separate(spelling): meant for word, meant in pairs for spelling in (word, take_apart(word))
+    }
 
 
 def vocabulary_words(name: str) -> tuple[str, ...]:

@@ -28,17 +28,19 @@ def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[st
     >>> nearest_names("living room", ["living", "bath"]), nearest_names("fridg", ["mini fridge"])
     (('living',), ('mini fridge',))
     """
-    listed = {words: one for one in known if (words := _split_words(one))}
-    said = _split_words(name)
+    listed = {words: name for name in known if (words := _split_words(name))}
+    spoken = _split_words(name)
     joined = {words.replace(" ", ""): words for words in listed}
-    near = difflib.get_close_matches(said.replace(" ", ""), joined, n=most, cutoff=_LEAST_LIKENESS)
-    longer = [words for words in listed if f" {words} " in f" {said} "]
+    near = difflib.get_close_matches(
+        spoken.replace(" ", ""), joined, n=most, cutoff=_LEAST_LIKENESS
+    )
+    longer = [words for words in listed if f" {words} " in f" {spoken} "]
     cut_off = [
-        words for words in listed if len(said) >= _FEWEST_LETTERS and f" {said}" in f" {words}"
+        words for words in listed if len(spoken) >= _FEWEST_LETTERS and f" {spoken}" in f" {words}"
     ]
-    long = [word for word in said.split() if len(word) > SHORT]
+    long = [word for word in spoken.split() if len(word) > SHORT]
     mended = [words for words in listed if any(is_typo(word, words) for word in long)]
-    found = [joined[one] for one in near] + sorted(longer, key=len, reverse=True)
+    found = [joined[letters] for letters in near] + sorted(longer, key=len, reverse=True)
     found += mended + sorted(cut_off, key=len)
     return tuple(listed[words] for words in dict.fromkeys(found))[:most]
 
@@ -53,16 +55,18 @@ def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:
     return f"did you mean {', '.join(near)}?" if near else ""
 
 
-def is_typo(said: str, word: str) -> bool:
+def is_typo(spelled: str, word: str) -> bool:
     """Say whether one letter is too many, missing or wrong, or two are swapped; not the first.
 
     >>> is_typo("micorwave", "microwave"), is_typo("toilett", "toilet"), is_typo("xbox", "box")
     (True, True, False)
     """
-    if said == word or said[:1] != word[:1] or abs(len(said) - len(word)) > 1:
+    if spelled == word or spelled[:1] != word[:1] or abs(len(spelled) - len(word)) > 1:
         return False
-    at = next((i for i, (a, b) in enumerate(zip(said, word, strict=False)) if a != b), len(said))
-    a, b = said[at:], word[at:]
+    at = next(
+        (i for i, (a, b) in enumerate(zip(spelled, word, strict=False)) if a != b), len(spelled)
+    )
+    a, b = spelled[at:], word[at:]
     swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
     return swapped or a[1:] == b[1:] or a[1:] == b or a == b[1:]
 
@@ -78,13 +82,13 @@ class Spellings:
                 self._words.setdefault(word[0], []).append(word)
         self._indices: dict[str, dict[str, list[str]]] = {}
 
-    def near(self, said: str) -> list[str]:
+    def near(self, spelled: str) -> list[str]:
         """Return the words of which a word is a typo, sorted; none if it is one of them."""
-        index = self._index(said[:1]) if SHORT <= len(said) <= _LONG else {}
-        if said in index.get(said, ()):
+        index = self._index(spelled[:1]) if SHORT <= len(spelled) <= _LONG else {}
+        if spelled in index.get(spelled, ()):
             return []
-        near = {word for less in index.keys() & _leave_out(said) for word in index[less]}
-        return sorted(word for word in near if is_typo(said, word))
+        near = {word for less in index.keys() & _leave_out(spelled) for word in index[less]}
+        return sorted(word for word in near if is_typo(spelled, word))
 
     def mend(self, name: str, *, real: Container[str]) -> Iterator[str]:
         """Yield a normalised name with one word mended by one of these.
@@ -94,8 +98,8 @@ class Spellings:
         words = drop_number(separate(name)).split()
         if len("".join(words)) <= SHORT:
             return
-        for i, said in enumerate(words):
-            for word in () if said in real else self.near(said):
+        for i, spelled in enumerate(words):
+            for word in () if spelled in real else self.near(spelled):
                 yield " ".join([*words[:i], word, *words[i + 1 :]])
 
     def _index(self, letter: str) -> dict[str, list[str]]:

@@ -135,7 +135,7 @@ def list_parts(name: str) -> tuple[str, ...]:
     if len(name) > LONGEST:
         return (name,)
     bare = _REMARK.sub(" ", _SCORE.sub("", _WITH.sub(" with ", name)))
-    pieces = (_drop_place(one).strip(MARKS) for one in _EITHER.split(bare))
+    pieces = (_drop_place(piece).strip(MARKS) for piece in _EITHER.split(bare))
     return tuple(filter(None, pieces)) or (name.strip(MARKS),)
 
 

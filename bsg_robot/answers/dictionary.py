@@ -131,7 +131,7 @@ class Dictionary:
 
     def _find_counted(self, word: str) -> Meaning | None:
         thing, more = self._row_of(word)
-        if thing is None or any(find_use(one) for one in more if one != owner_of(word)):
+        if thing is None or any(find_use(epithet) for epithet in more if epithet != owner_of(word)):
             return None
         classes = self.own.class_map.classes
         # Of the wide classes, which few annotators noted, the table knows more.
@@ -148,8 +148,8 @@ class Dictionary:
         if thing is None:
             return None
         found = self._find_by_class(thing.name) or Meaning(word, None, None, "", is_exact=False)
-        others = [one for one in more if one != owner_of(word)]
-        uses = [one for one in others if find_use(one)]
+        others = [epithet for epithet in more if epithet != owner_of(word)]
+        uses = [epithet for epithet in others if find_use(epithet)]
         is_kind = self._nouns is not None and self._nouns.knows(others)  # else a brand
         thing = move_thing(thing, uses)
         return replace(
@@ -201,9 +201,9 @@ class Dictionary:
     def _classify(self, word: str) -> Meaning | None:
         """Return the class of a word by the map of the model; None if it has none."""
         class_map, thing = self.own.class_map, name_only(word)
-        named, said = [*map(normalise_name, class_map.classes)], normalise_name(thing)
-        if said in named:
-            index = named.index(said)
+        named, spoken = [*map(normalise_name, class_map.classes)], normalise_name(thing)
+        if spoken in named:
+            index = named.index(spoken)
             how = "" if thing == word else f"{word!r} is {thing!r}"
             return Meaning(word, class_map.classes[index], index, how, is_exact=True)
         found = class_map.classify(thing)
@@ -214,7 +214,7 @@ class Dictionary:
         steps = []
         if is_mended:
             steps.append(f"no model knows {word!r}; taken for {category!r}, the most similar name")
-        elif said != normalise_name(category):
+        elif spoken != normalise_name(category):
             rule = "" if found.rule is None else f" by the rule {found.rule!r}"
             steps.append(f"{word!r} is {category!r}{rule}")
         if category != name:
@@ -265,9 +265,9 @@ class Dictionary:
         thing = None if meaning is None else self.thing_of(meaning)
         return _STAYS if thing is None else thing.stays
 
-    def staying(self, said: float | None) -> Callable[[str], float]:
-        """Return word → hours after which half of such things are elsewhere, or as is said."""
-        return lambda word: said or self.stays(self.look_up(word))
+    def staying(self, hours: float | None) -> Callable[[str], float]:
+        """Return word → hours after which half of such things are elsewhere, or the given ones."""
+        return lambda word: hours or self.stays(self.look_up(word))
 
     def groups(self, meaning: Meaning | None) -> tuple[str, ...]:
         """Return the groups of things that a thing is of; none if no table says it."""
@@ -293,8 +293,8 @@ class Dictionary:
 
             def is_thing(word: str) -> bool:
                 things = find_everyday(word), find_wider(word)[0]
-                is_listed = any({one.name, one.wider} & {*thing.names} for one in things if one)
-                if not is_listed and not (noun and noun.names(word)):
+                names = {name for row in things if row for name in (row.name, row.wider)}
+                if names.isdisjoint(thing.names) and not (noun and noun.names(word)):
                     return False
                 told = tell_apart(word)
                 return meaning.kind <= told and may_be_one(meaning.told, told)

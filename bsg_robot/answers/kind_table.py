@@ -133,8 +133,8 @@ def read_kinds() -> KindTable:
     things = list_things()
     shares, named = _share(things, kinds)
     presence = _be_present(things, shares, named, numbers)
-    said, is_class = _read_presence(kinds, things)
-    presence = np.where(np.isnan(said), presence, said)
+    by_hand, is_class = _read_presence(kinds, things)
+    presence = np.where(np.isnan(by_hand), presence, by_hand)
     return KindTable(
         kinds=kinds,
         buildings=buildings,
@@ -155,9 +155,9 @@ def _be_present(things: Sequence[Thing], shares: Floats, named: Bools, numbers: 
     homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
     foreign = named & (numbers[0] < _OFTEN)
     others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
-    there = np.where(foreign, np.maximum(homes, others), homes)
+    has_one = np.where(foreign, np.maximum(homes, others), homes)
     each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
-    return np.asarray((1 - (1 - there) ** each).T.clip(_LEAST, _MOST))
+    return np.asarray((1 - (1 - has_one) ** each).T.clip(_LEAST, _MOST))
 
 
 def be_elsewhere(shares: Floats) -> Floats:
@@ -171,14 +171,17 @@ def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Float
     row = {thing.name: number for number, thing in enumerate(things)}
     names = {name for table in tables.values() for name in table["presence"]}
     columns = {name: row[thing.name] for name in sorted(names) if (thing := find_thing(name))}
-    said, is_class = np.full((len(kinds), len(things)), np.nan), np.zeros(len(things), dtype=bool)
+    by_hand, is_class = (
+        np.full((len(kinds), len(things)), np.nan),
+        np.zeros(len(things), dtype=bool),
+    )
     is_class[[*columns.values()]] = True
     for number, kind in enumerate(kinds):
         table = tables.get(kind, tables.get(known_label(kind)))
         if table is not None:
             likely = np.array([table["presence"].get(name, 0.0) for name in columns])
-            np.fmax.at(said[number], [*columns.values()], likely.clip(_LEAST, _MOST))
-    return said, is_class
+            np.fmax.at(by_hand[number], [*columns.values()], likely.clip(_LEAST, _MOST))
+    return by_hand, is_class
 
 
 def _share(things: Sequence[Thing], kinds: Sequence[str]) -> tuple[Floats, Bools]:

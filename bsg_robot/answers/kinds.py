@@ -77,9 +77,11 @@ class RoomKinds:
     def said(self) -> tuple[tuple[tuple[str, float], ...], ...]:
         """The kinds of each room, the likeliest first, in whole percents."""
         names = self.table.kinds
-        likely = ([one for one in enumerate(row) if one[1] >= _SAID] for row in self.rooms.tolist())
+        likely = (
+            [kind for kind in enumerate(row) if kind[1] >= _SAID] for row in self.rooms.tolist()
+        )
         return tuple(
-            tuple((names[k], round(p, 2)) for k, p in sorted(row, key=lambda one: -one[1]))
+            tuple((names[k], round(p, 2)) for k, p in sorted(row, key=lambda kind: -kind[1]))
             for row in likely
         )
 
@@ -103,7 +105,7 @@ class RoomKinds:
         """Whether a home surely has rooms that are not among the known: kitchen, bath, bedroom."""
         groups = ([self.table.column[kind] for kind in group] for group in _NEEDED)
         known = self.rooms[self.known]
-        none = (float((1 - known[:, one].sum(axis=1)).clip(min=0).prod()) for one in groups)
+        none = (float((1 - known[:, columns].sum(axis=1)).clip(min=0).prod()) for columns in groups)
         return self.at_home > SURE and max(none) > _LACKING
 
     def with_unknown(self, more: int) -> RoomKinds:
@@ -130,21 +132,21 @@ class RoomKinds:
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, misses = _list_seen(graph), _Misses(graph, table)
-    told, found = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(2))
-    unseen = np.zeros((len(_NOTICE), *told.shape))
+    labels, found = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(2))
+    unseen = np.zeros((len(_NOTICE), *labels.shape))
     entered = np.zeros(len(graph.rooms), dtype=bool)
     for number, (room, things) in enumerate(zip(graph.rooms, seen, strict=True)):
         if room.room_type is not None:
-            told[number] = _read_label(room, table)
+            labels[number] = _read_label(room, table)
         if things:
             found[number] = _weigh_seen(things, table)
         if room.visited or things:
             unseen[:, number] = misses.weigh(room, things)
         entered[number] = bool(things) or room.visited or room.area is not None
-    is_told = np.asarray(told.any(axis=1))
+    is_told = np.asarray(labels.any(axis=1))
     known = entered | is_told
     usual = _expect_building(graph, table)
-    trust = _trust_labels(told, usual @ table.chances)
+    trust = _trust_labels(labels, usual @ table.chances)
     shapes = _SHAPE * _weigh_shapes(graph, table)
     # What a room lacks is no reason to doubt its label.
     lacks = _sum_over_notice(unseen, found + np.log(trust * (usual @ table.chances)))
@@ -164,20 +166,20 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         building=building,
         known=known,
         by_things=~is_told,
-        doubted=_doubt_labels(told, silent, table),
+        doubted=_doubt_labels(labels, silent, table),
         named=tuple(map(_name_things, graph.rooms)),
         owners=tuple(owner_of(room.name) or owner_of(room.label or "") for room in graph.rooms),
     )
 
 
-def _trust_labels(told: Floats, usual: Floats) -> Floats:
+def _trust_labels(labels: Floats, usual: Floats) -> Floats:
     """Return P(what is said of a room, if it is of a kind), `[R, K]`, up to a factor.
 
     Who says .6 kitchen means just that, if no thing tells more; so it is divided by how `usual`
     kitchens are, `[K]`. What the probabilities of labels leave is as usual.
     """
     right = 1 - 1 / _WRONG
-    return np.asarray(right * told / usual + 1 - right * told.sum(axis=1, keepdims=True))
+    return np.asarray(right * labels / usual + 1 - right * labels.sum(axis=1, keepdims=True))
 
 
 def _leave_taken(table: KindTable, building: Floats, rooms: Floats, known: Bools) -> Floats:
@@ -188,10 +190,10 @@ def _leave_taken(table: KindTable, building: Floats, rooms: Floats, known: Bools
     return np.asarray(np.maximum(numbers - others, _AGAIN * numbers) / numbers)
 
 
-def _doubt_labels(told: Floats, silent: Floats, table: KindTable) -> dict[int, tuple[str, str]]:
+def _doubt_labels(labels: Floats, silent: Floats, table: KindTable) -> dict[int, tuple[str, str]]:
     """Return the labels that things contradict, and the kind that these are of, by room number."""
     doubted = {}
-    for number, (row, things) in enumerate(zip(told, silent, strict=True)):
+    for number, (row, things) in enumerate(zip(labels, silent, strict=True)):
         label, kind = int(row.argmax()), int(things.argmax())
         if row[label] > SURE and things[label] < _UNLIKE and things[kind] > SURE:
             doubted[number] = table.kinds[label], table.kinds[kind]
@@ -225,7 +227,9 @@ def _list_seen(graph: PartialGraph) -> list[tuple[Thing, ...]]:
         thing = _read_thing(obj.raw_category) or (obj.category and _read_thing(obj.category))
         if thing and obj.is_evidence:
             seen[obj.room_index].add(thing)
-    return [tuple(sorted(things, key=lambda one: (one.name, one.rooms))) for things in seen[1:]]
+    return [
+        tuple(sorted(things, key=lambda thing: (thing.name, thing.rooms))) for things in seen[1:]
+    ]
 
 
 @lru_cache(maxsize=2**16)  # the objects of a map are asked again and again
@@ -233,8 +237,8 @@ def _read_thing(word: str) -> Thing | None:
     """Return the everyday thing that a word names, in the rooms that its first words tell."""
     if listed := find_everyday(word):
         return listed
-    thing, told = find_wider(word)
-    return thing and move_thing(thing, told)
+    thing, words = find_wider(word)
+    return thing and move_thing(thing, words)
 
 
 def _read_label(room: KnownRoom, table: KindTable) -> Floats:
@@ -279,12 +283,12 @@ class _Misses:
         return np.asarray(noticed + _UNSEEN * missed)
 
 
-def _sum_over_notice(unseen: Floats, rest: Floats) -> Floats:
+def _sum_over_notice(unseen: Floats, others: Floats) -> Floats:
     """Return log likelihoods `[R, K]` from those by how much a robot takes notice, `[D, R, K]`.
 
     All rooms tell how much it does; `rest` `[R, K]` has what else they tell.
     """
-    rooms = np.logaddexp.reduce(unseen + rest, axis=2).sum(axis=1)
+    rooms = np.logaddexp.reduce(unseen + others, axis=2).sum(axis=1)
     likely = np.log([chance for _, chance in _NOTICE]) + rooms
     likely -= np.logaddexp.reduce(likely)
     return np.asarray(np.logaddexp.reduce(likely[:, None, None] + unseen, axis=0))
@@ -302,9 +306,8 @@ def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
     """Return the log likelihoods of areas, and of how many rooms are beside one, `[R, K]`."""
     logs = np.zeros((len(graph.rooms), len(table.kinds)))
     beside = np.zeros(1 + len(graph.rooms))
-    for one, two in graph.adjacency:
-        beside[one] += 1
-        beside[two] += 1
+    for pair in graph.adjacency:
+        beside[[*pair]] += 1
     for row, room in zip(logs, graph.rooms, strict=True):
         if area := room.area:
             off = (np.log(area) - np.log(table.floor_area)) / table.spread

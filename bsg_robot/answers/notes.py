@@ -95,20 +95,20 @@ def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
 
 def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     """Yield which names are not in the class map, and which were read by a rule."""
-    unmapped, kept, kinds = [], [], []
+    unmapped, things, kinds = [], [], []
     for name in describe_unmapped(list_unmapped(graph), class_map):
-        said = f"{name.name[:SHOWN]!r}"
+        shown = f"{name.name[:SHOWN]!r}"
         if thing := find_everyday(name.name):
-            kept.append(said if name.name == thing.name else f"{said} ({thing.name})")
+            things.append(shown if name.name == thing.name else f"{shown} ({thing.name})")
         elif kind := find_kind(name.name):
-            kinds.append(f"{said} ({kind})")
+            kinds.append(f"{shown} ({kind})")
         else:
             near = f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")"
-            unmapped.append(f"{said} ({name.instances:,}×{near}")
+            unmapped.append(f"{shown} ({name.instances:,}×{near}")
     if unmapped:
         yield f"not in the class map, ignored: {_list(unmapped)}"
-    if kept:
-        yield f"everyday things without a class, found by these words alone: {_list(kept)}"
+    if things:
+        yield f"everyday things without a class, found by these words alone: {_list(things)}"
     if kinds:
         yield f"words that name no thing, ignored: {_list(kinds)}"
     seen = Counter(obj.raw_category for obj in graph.objects)
@@ -136,8 +136,8 @@ def _note_classless(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
     for is_read, counted in names.items():
         if counted:
             fate = "read as evidence, not counted" if is_read else "the model does not read them"
-            most = _list([name[:SHOWN] for name, _ in counted.most_common()])
-            yield f"{most}: not among the {len(predictor.classes)} classes; {fate}"
+            shown = _list([name[:SHOWN] for name, _ in counted.most_common()])
+            yield f"{shown}: not among the {len(predictor.classes)} classes; {fate}"
 
 
 def _list(names: Sequence[str]) -> str:

@@ -55,8 +55,8 @@ def split_head(name: str) -> tuple[list[str], str]:
 @lru_cache(maxsize=4096)  # every rule splits a name again
 def _split_head(name: str) -> tuple[tuple[str, ...], str]:
     plain = normalise_name(list_parts(name)[0]).replace("’", "'")
-    said = re.sub(r"[^\w']|_", " ", plain).rstrip(" 0123456789")
-    words = [word.removesuffix("'s").strip("'") for word in said.split()[:MOST_WORDS]]
+    spoken = re.sub(r"[^\w']|_", " ", plain).rstrip(" 0123456789")
+    words = [word.removesuffix("'s").strip("'") for word in spoken.split()[:MOST_WORDS]]
     words = drop_kind(_DETERMINERS.sub("", " ".join(words))).split()
     known = _list_words(*_LOOKS, "make")
     before = tuple(word for word in words[:-1] if word not in known)
@@ -73,14 +73,14 @@ def looks_of(name: str) -> frozenset[str]:
     return _list_words(*_LOOKS) & {*normalise_name(name).split()[:MOST_WORDS]}
 
 
-def may_be_one(told: frozenset[str], other: frozenset[str]) -> bool:
+def may_be_one(first: frozenset[str], second: frozenset[str]) -> bool:
     """Return whether what is told of two things can be true of one.
 
     >>> [may_be_one(frozenset({"nokia"}), frozenset({one})) for one in ("black", "samsung")]
     [True, False]
     """
-    brands = [words - _list_words(*_APPEARANCES) for words in (told, other)]  # and kinds of it
-    looks = ([words & _list_words(kind) for words in (told, other)] for kind in _APPEARANCES)
+    brands = [words - _list_words(*_APPEARANCES) for words in (first, second)]  # and kinds of it
+    looks = ([words & _list_words(kind) for words in (first, second)] for kind in _APPEARANCES)
     return not any(a and b and a.isdisjoint(b) for a, b in (brands, *looks))
 
 
@@ -97,11 +97,6 @@ def _take_sets(name: str) -> tuple[frozenset[str], frozenset[str]]:
     """Return the words before the head of a name, and what may be the head's singular."""
     before, head = _split_head(name)
     return frozenset(before), frozenset((head, *singulars(head)))
-
-
-def describe_state(expected: Floats) -> Floats:
-    """Return log(E + ε) of expected contents `[N, C]`."""
-    return np.asarray(np.log(np.maximum(expected, 0.0) + EPSILON))
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +179,10 @@ class NounTable:
         row = self._row(head, things=True)
         if row is None:
             return None
-        found = [one for word in before if (one := self._row(word)) is not None]
+        found = [known for word in before if (known := self._row(word)) is not None]
         rows = np.array([row, *found])
         weights = np.array([1.0] if not found else [HEAD, *[(1 - HEAD) / len(found)] * len(found)])
-        like = tuple(self.counted[one] for one in self.near[row].astype(int))
+        like = tuple(self.counted[row] for row in self.near[row].astype(int))
         vector = weights @ (self.vectors[rows] * self.scale)
         return Noun(name, head, like, float(weights @ self.bases[rows]), vector)
 
@@ -217,8 +212,8 @@ class NounTable:
         return [word]
 
     def _row(self, word: str, *, things: bool = False) -> int | None:
-        one = () if word in _list_words("plural") else singulars(word)
-        rows = (self.rows.get(spelling) for spelling in (*one, word))
+        forms = () if word in _list_words("plural") else singulars(word)
+        rows = (self.rows.get(spelling) for spelling in (*forms, word))
         return next((r for r in rows if r is not None and (self.things[r] or not things)), None)
 
     def expect(self, noun: Noun, belief: Expectation) -> CountDistribution:
@@ -237,25 +232,26 @@ class NounTable:
 
     def states(self, expected: Floats) -> Floats:
         """Return s `[N, K]` of expected contents `[N, C]`."""
-        return np.asarray(describe_state(expected) @ self.projection + self.centre)
+        logs = np.log(np.maximum(expected, 0.0) + EPSILON)
+        return np.asarray(logs @ self.projection + self.centre)
 
 
 @cache
 def read_nouns() -> NounTable:
     """Read the table that is shipped; a process reads it once."""
-    kept = load(read_file(_NOUNS))
+    arrays = load(read_file(_NOUNS))
     words, counted = (
-        tuple(kept[name].tobytes().decode().split("\n")) for name in ("words", "counted")
+        tuple(arrays[name].tobytes().decode().split("\n")) for name in ("words", "counted")
     )
     return NounTable(
         rows={word: row for row, word in enumerate(words)},
-        things=np.unpackbits(kept["things"], count=len(words)).astype(bool),
-        vectors=kept["vectors"],
-        scale=kept["scale"],
-        bases=kept["bases"].astype(np.float32),
-        near=kept["near"],
+        things=np.unpackbits(arrays["things"], count=len(words)).astype(bool),
+        vectors=arrays["vectors"],
+        scale=arrays["scale"],
+        bases=arrays["bases"].astype(np.float32),
+        near=arrays["near"],
         counted=counted,
-        projection=kept["projection"],
-        centre=kept["centre"],
-        dispersion=float(kept["dispersion"][0]),
+        projection=arrays["projection"],
+        centre=arrays["centre"],
+        dispersion=float(arrays["dispersion"][0]),
     )

@@ -196,19 +196,19 @@ def _look(
     rooms = chances.copy()
     rooms[0] = 0.0
     missed, after = hidden.miss(rooms)[1:], hidden.missed(rooms)
-    there = hidden.presence[1:]
-    whole = whole.clip(there.max(axis=0, initial=0.0), there.sum(axis=0))
-    scale = untilt(there, whole)
+    presence = hidden.presence[1:]
+    whole = whole.clip(presence.max(axis=0, initial=0.0), presence.sum(axis=0))
+    scale = untilt(presence, whole)
     given = np.divide(  # P(a look misses, if there is one)
-        missed - (1 - there), there, out=np.ones_like(there), where=there > 0
+        missed - (1 - presence), presence, out=np.ones_like(presence), where=presence > 0
     ).clip(0.0, 1.0)
-    some = scale * there
+    some = scale * presence
     tilt = log_odds(1 - whole) - log_odds(1 - scale * whole)
     log_none = np.log((1 - some).clip(min=_LEAST) / (1 - some + some * given).clip(min=_LEAST))
     every = log_none.sum(axis=0)
     odds = log_odds(np.exp(log_none)) + tilt_rooms(tilt, every, log_none)
     factor = np.zeros(chances.shape)
-    factor[1:] = np.where(there > 0, odds - log_odds(1 - after.presence[1:]), 0.0)
+    factor[1:] = np.where(presence > 0, odds - log_odds(1 - after.presence[1:]), 0.0)
     none = 1 / (1 + np.exp(-log_odds(np.exp(every)) - tilt))
     return after.with_none_likelier(factor), none
 
@@ -253,7 +253,7 @@ def believe_kind(
     The class is counted but wider; the noun is exact but judged by its meaning alone. A kind is
     never likelier than its class.
     """
-    rates = [-np.log1p(-np.minimum(one.presence, 1 - _LEAST)) for one in (counted, judged)]
+    rates = [-np.log1p(-np.minimum(counts.presence, 1 - _LEAST)) for counts in (counted, judged)]
     rate = np.minimum(np.sqrt(rates[0] * rates[1]), rates[0])
     counts = poisson(rate)
     return counts, max(_none_of_rooms(counts), 1 - float(counted.presence[0, 0]))

@@ -49,7 +49,7 @@ def expect_apart(graph: PartialGraph, known: Bools, model: Callable[..., Expecta
     if known.all() or not known.any():
         every = model(graph)
         return Apart(every, (1 + np.arange(len(known)),), (1 - every.presence[0],))
-    some = keep_rooms(graph, nodes[0] - 1)
+    some = _keep_rooms(graph, nodes[0] - 1)
     beside = reports.discover(some, KnownRoom("(unknown)", 1.0, visited=False))
     asked = model(some, beside)
     rows = np.zeros(1 + len(known), dtype=np.int64)
@@ -70,7 +70,7 @@ def log_odds(probability: Floats) -> Floats:
     return np.asarray(np.log(certain) - np.log1p(-certain))
 
 
-def keep_rooms(graph: PartialGraph, rows: Ints) -> PartialGraph:
+def _keep_rooms(graph: PartialGraph, rows: Ints) -> PartialGraph:
     """Return a graph with some of its rooms, 0..R−1, and what is in none."""
     number = {0: 0} | {int(row) + 1: index for index, row in enumerate(rows, 1)}
     rooms = tuple(graph.rooms[row] for row in rows)
@@ -83,9 +83,9 @@ def keep_rooms(graph: PartialGraph, rows: Ints) -> PartialGraph:
             if obj.room_index in number
         ),
         adjacency=tuple(
-            (number[one], number[two])
-            for one, two in graph.adjacency
-            if one in number and two in number
+            (number[first], number[second])
+            for first, second in graph.adjacency
+            if first in number and second in number
         ),
         looks=(),
         hidden_share=float(np.mean([room.hidden_share for room in rooms])),

@@ -120,10 +120,10 @@ def rate_things(
     weights = _ANYWHERE + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
     for row, names in zip(weights, things.names if any(kinds.named) else (), strict=False):
-        if named := [room for room, told in enumerate(kinds.named) if told & names]:
+        if named := [room for room, things in enumerate(kinds.named) if things & names]:
             row *= 1 - _NAMED
             row[named] += _NAMED / len(named)
-    if theirs := [room for room, one in enumerate(kinds.owners) if one and one == owner]:
+    if theirs := [room for room, name in enumerate(kinds.owners) if name and name == owner]:
         known = weights[:, kinds.known]  # rooms of which nothing is known take nothing from these
         weights[:, theirs] *= _THEIRS
         more = weights[:, kinds.known].sum(axis=1) / known.sum(axis=1)
@@ -137,8 +137,8 @@ def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     table = kinds.table
     ours = (table.is_foreign & table.usual).astype(float) @ things.shares.T  # [B, T]
-    there = table.usual.astype(float) @ things.shares.T / _WHOLE  # no bed in schools
-    elsewhere = np.maximum(things.homes * there.clip(max=1.0), be_elsewhere(ours))
+    likely = table.usual.astype(float) @ things.shares.T / _WHOLE  # no bed in schools
+    elsewhere = np.maximum(things.homes * likely.clip(max=1.0), be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
 
@@ -152,26 +152,26 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     """Return which part of a building's things each room has, `[T, R]`; 0 of unknown rooms."""
     table, rooms = kinds.table, kinds.rooms * kinds.known[:, None]
     times = rooms.sum(axis=0)
-    there = times.clip(max=1.0)
-    alike = table.alike * there * _pass(kinds)
+    present = times.clip(max=1.0)
+    alike = table.alike * present * _pass(kinds)
     may_be = kinds.building @ table.usual
-    moved = shares * (1 - there) * may_be * alike.sum(axis=1).clip(max=1.0)
+    moved = shares * (1 - present) * may_be * alike.sum(axis=1).clip(max=1.0)
     near = shares + _NEAR  # a missing closet's broom goes where brooms are, its shirts elsewhere
-    every = shares * there + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
+    every = shares * present + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
     every /= (every @ may_be)[:, None].clip(min=_WHOLE)  # a child's bedroom has toys on top
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
-    among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)
+    among = np.where(table.numbers[0] > 0, times, present).clip(min=1e-9)
     return np.asarray((every / among) @ rooms.T)
 
 
 def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     """Return which part of a building's things its unknown rooms have, `[T, U]`."""
     table = kinds.table
-    unknown, there = kinds.rooms[~kinds.known], kinds.rooms[kinds.known].sum(axis=0).clip(max=1.0)
+    unknown, present = kinds.rooms[~kinds.known], kinds.rooms[kinds.known].sum(axis=0).clip(max=1.0)
     some = 1 - (1 - unknown).prod(axis=0)
     each = unknown * (some / unknown.sum(axis=0).clip(min=1e-9))
     may_be = kinds.building @ table.usual
-    return np.asarray((shares * (1 - _SHARED * there) * may_be) @ each.T)
+    return np.asarray((shares * (1 - _SHARED * present) * may_be) @ each.T)
 
 
 def hide(things: Things, graph: PartialGraph) -> Floats:

@@ -87,7 +87,7 @@ class Meaning:
         """The first of its names of which it is known on which furniture such things are."""
         alike = self.is_exact or self.is_mended
         names = (self.said, self.thing.name if self.thing else "", self.class_name if alike else "")
-        return next((one for one in names if one and find_keeping(one) is not None), self.said)
+        return next((name for name in names if name and find_keeping(name) is not None), self.said)
 
     @property
     def is_class(self) -> bool:
@@ -112,11 +112,11 @@ def name_only(word: str) -> str:
     if found := _KIND_BEHIND.fullmatch(bare):
         thing, kind = found["thing"], found["kind"].strip(MARKS)
         turned, straight = f"{kind} {thing}", f"{thing} {kind}"
-        is_use = any(find_use(one, by_thing=False) for one in kind.split())
+        is_use = any(find_use(word, by_thing=False) for word in kind.split())
         if list_parts(straight) == (straight,) and (is_use or _is_listed(turned)):
             return turned
-    counted = (one for one in parts if load_class_map().classify(one).class_index is not None)
-    listed = (one for known in (find_thing, _is_listed) for one in parts if known(one))
+    counted = (part for part in parts if load_class_map().classify(part).class_index is not None)
+    listed = (part for known in (find_thing, _is_listed) for part in parts if known(part))
     return next(chain(counted, listed), parts[0])
 
 
@@ -144,7 +144,7 @@ def find_kind(said: str) -> str | None:
     if len(said) > LONGEST:
         return None
     before, head = split_head(said)
-    kinds = (_read_kinds().get(one) for one in (head, *singulars(head)))
+    kinds = (_read_kinds().get(form) for form in (head, *singulars(head)))
     kind = next(filter(None, kinds), None)
     return kind if kind == "person" or not before else None
 
@@ -156,10 +156,10 @@ def find_everyday(word: str) -> Thing | None:
     A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
     one typo is mended.
     """
-    return None if len(word) > LONGEST else find_listed(word) or _find_mended(word)
+    return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
-def find_listed(word: str) -> Thing | None:
+def _find_listed(word: str) -> Thing | None:
     """Return the thing that a name is listed as."""
     said = name_only(word)
     before, head = split_head(said)
@@ -200,13 +200,13 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     is_known = known.role != "unmapped" and known.rule != "head noun"
     before, head = split_head(str(known.category) if is_known and known.rule else said)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
-        name, told = " ".join([*before[number:], head]), tuple(before[:number])
-        if thing := find_listed(name):
+        name, more = " ".join([*before[number:], head]), tuple(before[:number])
+        if thing := _find_listed(name):
             index = known.class_index
             is_kind = index is not None and index == class_map.classify(name).class_index
-            if is_known and not (is_kind and any(map(find_use, told))):
+            if is_known and not (is_kind and any(map(find_use, more))):
                 break
-            return thing, told
+            return thing, more
     if known.role == "left-out":  # of no class of ours, but perhaps of one of the 170
         wide = load_class_map(WIDE_MAP)
         index = wide.classify(said).class_index
@@ -234,7 +234,7 @@ def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) 
     """Say where people search for an everyday thing, or which class counts it."""
     name, how = class_name or thing.name, []
     if normalise_name(word) != normalise_name(name):
-        is_mended = find_listed(word) is None and find_wider(word)[0] is None
+        is_mended = _find_listed(word) is None and find_wider(word)[0] is None
         taken = f"no model knows {word!r}; taken for {name!r}, the most similar name"
         how.append(taken if is_mended else f"{word!r} is {name!r}")
     if class_name is None:
@@ -257,11 +257,11 @@ def find_room(graph: PartialGraph, name: str) -> int:
     ids = [room.name for room in graph.rooms]
     if name in ids:
         return ids.index(name) + 1
-    said = normalise_name(str(name))
+    normal = normalise_name(str(name))
     labelled = [
         number
         for number, room in enumerate(graph.rooms, 1)
-        if said and said in (normalise_name(room.label or ""), normalise_name(room.name))
+        if normal and normal in (normalise_name(room.label or ""), normalise_name(room.name))
     ]
     if len(labelled) == 1:
         return labelled[0]
@@ -273,8 +273,8 @@ def find_room(graph: PartialGraph, name: str) -> int:
             code="room-ambiguous",
             where=name,
         )
-    spoken = ids + [room.label for room in graph.rooms if room.label]
-    hint = ask_if_meant(said, spoken) or f"rooms are {', '.join(ids[:_LISTED]) or 'none'}"
+    names = ids + [room.label for room in graph.rooms if room.label]
+    hint = ask_if_meant(normal, names) or f"rooms are {', '.join(ids[:_LISTED]) or 'none'}"
     raise RecipeError(
         f"{graph.scene_id}: no room {str(name)[:SHOWN]!r}; {hint}", code="room-unknown", where=name
     )
@@ -301,8 +301,8 @@ def set_hidden_shares(
     shares = {} if every is None else dict.fromkeys(range(1, len(graph.rooms) + 1), every)
     shares |= {find_room(graph, name): share for name, share in rooms.items()}
     known = list(graph.rooms)
-    for index, said in shares.items():
-        share, room = ShareBelief(said).mean, known[index - 1]
+    for index, given in shares.items():
+        share, room = ShareBelief(given).mean, known[index - 1]
         visited = share < 1 and (share == 0 or room.visited)
         known[index - 1] = replace(room, hidden_share=share, hidden_share_sd=0.0, visited=visited)
     return follow_rooms(graph, replace(graph, rooms=tuple(known)))

@@ -160,15 +160,15 @@ def furnish(
         tidy: share of things that lie where they belong, 0 to 1.
         kinds: that the room may be of, with their probabilities; None for its own type.
     """
-    kept = find_keeping(thing)
-    if kept is not None and not kept.weights:
+    keeping = find_keeping(thing)
+    if keeping is not None and not keeping.weights:
         return None
-    said = tuple(weigh_labels(room.room_type).items()) if kinds is None else kinds
+    room_kinds = tuple(weigh_labels(room.room_type).items()) if kinds is None else kinds
     times = Counter(seen.kinds)
-    each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
+    each = {k: _rate(k, thing, room_kinds, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
         float(unseen[row]) * rate / (1 + times.get(kind, 0))
-        for row, kind, rate in _furniture_of(classes, thing, said, tidy)
+        for row, kind, rate in _furniture_of(classes, thing, room_kinds, tidy)
     ]
     left = _OVERLOOKED if room.visited and seen.pieces else 1.0
     rates = [each[kind] for kind in seen.kinds]
@@ -178,11 +178,13 @@ def furnish(
 @lru_cache(maxsize=4096)  # rooms of a kind are furnished alike
 def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float) -> float:
     """Return the rate of all pieces of a kind together: of that people were asked."""
-    rates, kept = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
-    if kept is not None:
-        own = kept.weigh(kind)
-        names = (read_shares().pieces[one] for one in kind.like)
-        weights = np.array([kept.weights.get(name, 0.0) if own is None else own for name in names])
+    rates, keeping = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
+    if keeping is not None:
+        own = keeping.weigh(kind)
+        names = (read_shares().pieces[number] for number in kind.like)
+        weights = np.array(
+            [keeping.weights.get(name, 0.0) if own is None else own for name in names]
+        )
         rates = rates * (weights + (_ELSEWHERE if kind.only else _EVERYWHERE)) ** _KEEPING
     return float(rates.mean()) * (1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden))
 

@@ -115,8 +115,8 @@ def find_thing(word: str) -> Thing | None:
     if len(word) > LONGEST:
         return None
     listed = _read_things()[1]
-    said, apart = separate(word), separate(take_apart(word))
-    for key in dict.fromkeys((said, apart, drop_number(apart))):
+    spoken, apart = separate(word), separate(take_apart(word))
+    for key in dict.fromkeys((spoken, apart, drop_number(apart))):
         forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
         joined = (form.replace(" ", "") for form in forms if form[:2] != "a ")  # a tv is no atv
         found = (listed[form] for form in (*forms, *joined) if form in listed)
@@ -136,7 +136,7 @@ def classify_seen(word: str, class_map: ClassMap) -> Classified:
     things = map(find_thing, () if known.role != "unmapped" else (word, *list_parts(word)))
     if thing := next(filter(None, things), None):
         counted = (class_map.classify(name) for name in class_map.classes if name in thing.names)
-        return next((replace(one, rule="synonym") for one in counted), known)
+        return next((replace(entry, rule="synonym") for entry in counted), known)
     return known
 
 
@@ -169,8 +169,8 @@ def find_group(word: str) -> str | None:
     >>> find_group("cleaning supplies"), find_group("Beverages"), find_group("mug")
     ('cleaning', 'drink', None)
     """
-    said, groups = separate(word[:LONGEST]), _read_groups()[0]
-    return next((groups[form] for form in (said, *singulars(said)) if form in groups), None)
+    spoken, groups = separate(word[:LONGEST]), _read_groups()[0]
+    return next((groups[form] for form in (spoken, *singulars(spoken)) if form in groups), None)
 
 
 def keeps_together(group: str) -> bool:
@@ -270,9 +270,9 @@ def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
     listed, words = _read_keeping(), separate(word).split()
     for start in range(len(words)):  # running shoes lie where shoes do
-        said = " ".join(words[start:])
-        thing = find_thing(said)
-        for name in (said, thing.name if thing else ""):
+        ending = " ".join(words[start:])
+        thing = find_thing(ending)
+        for name in (ending, thing.name if thing else ""):
             if name in listed:
                 return listed[name]
     return Keeping({}) if find_receptacle(word) else None

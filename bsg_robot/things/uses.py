@@ -78,7 +78,7 @@ def move_thing(thing: Thing, words: Iterable[str]) -> Thing:
                 for room in dict.fromkeys((*both, *usual))
             }
             thing = replace(
-                thing, rooms=tuple(sorted(shares.items(), key=lambda one: (-one[1], one[0])))
+                thing, rooms=tuple(sorted(shares.items(), key=lambda share: (-share[1], share[0])))
             )
     return thing
 

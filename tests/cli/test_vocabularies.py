@@ -21,11 +21,10 @@ from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.sources.catalogue import open_source
-from bsg_models import Predictor, believe
-from bsg_robot import annotate_hydra, open_graph
+from bsg_robot import open_graph
 from bsg_robot.answers.description import describe_things
 from bsg_robot.answers.words import find_everyday
-from bsg_robot.graph.graph_file import open_graph_file, parse_graph
+from bsg_robot.graph.graph_file import parse_graph
 from bsg_robot.graph.robot_json import parse_robot_graph
 from bsg_robot.ros.requests import Robot
 
@@ -81,11 +80,6 @@ def list_expected() -> Classes:
 
 
 EXPECTED = [*list_expected(), *PHRASES.values()]
-
-
-@pytest.fixture(scope="module")
-def predictor() -> Predictor:
-    return Predictor()
 
 
 def label_graph(*, named: bool) -> dict[str, Any]:

@@ -192,18 +192,6 @@ def test_a_room_of_which_nothing_is_known_is_of_a_kind_that_is_missing() -> None
     assert kitchen("bath", "bedroom") > 2 * kitchen("bath", "bedroom", "kitchen")
 
 
-def test_what_is_learned_of_a_room_changes_its_kind_at_once() -> None:
-    seen = see({"R0": [], "R1": ["bed"], "more_rooms": 0})
-    before = seen.kinds("R0")
-    seen.saw("R0", "stove")
-    seen.saw("R0", "refrigerator")
-    assert before[0].name != "kitchen" == seen.kinds("R0")[0].name
-    seen.describe("R0", room_type="bathroom")
-    assert seen.kinds("R0")[0].name in ("bathroom", "kitchen")
-    seen.describe("R1", label="guest bedroom")
-    assert seen.kinds("guest bedroom")[0].name == "bedroom"
-
-
 def test_floor_area_and_doors_tell_a_corridor_from_a_closet() -> None:
     def kind(area: float, doors: int) -> dict[str, float]:
         beside = [f"S{number}" for number in range(doors)]

@@ -10,7 +10,7 @@ import pytest
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.belief.partial_graph import PartialGraph
-from bsg_robot.answers.unknown_rooms import expect_apart, keep_rooms
+from bsg_robot.answers.unknown_rooms import expect_apart
 from bsg_robot.graph.robot_json import parse_robot_graph
 
 HOME = {
@@ -52,11 +52,3 @@ def test_known_rooms_are_asked_about_alone(graph: PartialGraph) -> None:
     whole = 1 - np.exp(-2) * np.exp(-2 / 3) ** 2
     assert presence[0] == pytest.approx(whole), "what the known ones have, and the others on top"
     assert np.array_equal(apart.every.inputs, graph.histograms())
-
-
-def test_a_part_of_a_graph_by_hand(graph: PartialGraph) -> None:
-    part = keep_rooms(graph, np.array([0, 2]))
-    assert [room.name for room in part.rooms] == ["a", "c"]
-    assert [(obj.name, obj.room_index) for obj in part.objects] == [("1", 1), ("2", 2), ("3", 0)]
-    assert part.adjacency == ((1, 2),)
-    assert part.hidden_share == pytest.approx(0.5)
