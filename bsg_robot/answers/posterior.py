@@ -214,7 +214,7 @@ class Posterior:
         """Return what is believed of a thing, after looks and with what this home has taught."""
         hidden, none = self._expect_hidden(meaning)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
-        usual, new = self.find_usual(meaning, hidden), np.ones(self.nodes)
+        usual, new = self._find_usual(meaning, hidden), np.ones(self.nodes)
         if usual is not None:
             hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
             searched &= usual.none == 1
@@ -251,7 +251,9 @@ class Posterior:
             still[obj.name] = seen, seen * stayed
         return Home(self.reported, still, self._words, pieces=self.pieces_of)
 
-    def find_usual(self, meaning: Meaning, hidden: CountDistribution | None = None) -> Usual | None:
+    def _find_usual(
+        self, meaning: Meaning, hidden: CountDistribution | None = None
+    ) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
 
         Their hidden counts without it may be given.
@@ -329,21 +331,21 @@ class Posterior:
         for node, chances in sum_looks(self.misses, meaning).items():
             some = missed_by(chances)
             missed[node] = some.pop(None, 1.0)
-            if some and (furniture := self.furnish(meaning, node)) is not None:
+            if some and (furniture := self._furnish(meaning, node)) is not None:
                 missed[node] *= furniture.overlooked(some)
         return missed
 
-    def objects_of(self, node: int) -> Sequence[SeenObject]:
+    def _objects_of(self, node: int) -> Sequence[SeenObject]:
         """Return the objects of a room."""
         return self._objects.get(node, ())
 
     def pieces_of(self, node: int) -> SeenPieces:
         """Return the furniture of a room."""
         if node not in self._pieces:
-            self._pieces[node] = find_pieces(self.objects_of(node))
+            self._pieces[node] = find_pieces(self._objects_of(node))
         return self._pieces[node]
 
-    def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
+    def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
         belief = self._ask(Asked.OWN).every
         room = self.graph.rooms[node - 1]
@@ -358,8 +360,8 @@ class Posterior:
             tidy=tidy,
             kinds=self.kinds.said[node - 1],
         )
-        usual = self.find_usual(meaning)
-        return found if usual is None else usual.furnish(found, node, self.objects_of(node))
+        usual = self._find_usual(meaning)
+        return found if usual is None else usual.furnish(found, node, self._objects_of(node))
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
@@ -391,7 +393,7 @@ class Posterior:
 
     def _list_spots(self, sought: Sought, node: int, tidy: float = TIDY) -> list[Spot]:
         """Return the pieces of a room where a thing may be, then its rest; none if it stands."""
-        furniture = self.furnish(sought.meaning, node, tidy)
+        furniture = self._furnish(sought.meaning, node, tidy)
         if furniture is None:
             return []
         return list_spots(
@@ -413,13 +415,13 @@ class Posterior:
             meaning = self._words.look_up(look.thing)
             if look.at is None or room_of.get(look.at) == look.room_index or meaning is None:
                 continue
-            furniture = self.furnish(meaning, look.room_index)
+            furniture = self._furnish(meaning, look.room_index)
             if furniture is not None and look.at in furniture.names:
                 missed = 1 - furniture.overlooked({look.at: 1 - look.chance})
                 stays = self._words.staying(graph.stays)
                 moved = replace(look, at=None, chance=missed)
                 graph = reports.look(graph, moved, stays=stays)
-                objects = self.objects_of(look.room_index)
+                objects = self._objects_of(look.room_index)
                 left.setdefault(look.at, {obj.name: self._score(obj) for obj in objects})
         if not left:
             return graph
