@@ -58,10 +58,10 @@ def _take_path(tables: dict[str, Any], key: str, source: str) -> Path | None:
     return Path(value)
 
 
-Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+_Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
 
-def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
+def complete_list(names: Callable[[click.Context], Iterable[str]]) -> _Complete:
     """Return a completer for the last name of a list; earlier options may decide the names."""
 
     def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
@@ -72,7 +72,7 @@ def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
     return complete
 
 
-def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
+def complete_names_or_files(names: Callable[[], Iterable[str]]) -> _Complete:
     """Return a completer for one name or a path."""
 
     def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:

@@ -15,7 +15,6 @@ from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text, make_line
 from bsg_models.belief.partial_graph import LOOK_CHANCE
 
-EXPLORE = bsg_robot.EXPLORE
 OF_SEARCH = ("here", "robots", "costs", "looks", "chance", "task", "budget", "speed")
 _Word = TypeVar("_Word", str, float)
 _MOST_ROWS, _MOST_STEPS, _MOST_HABITS = 20, 5, 3
@@ -278,7 +277,7 @@ def _print_plan(
     labels = {room.name: room.label for room in seen.graph.rooms}
     for robot, first in (facts["robots"] or {"": facts["go_first"]}).items():
         sentence = f"no room is left to search{within}"
-        if first == EXPLORE:
+        if first == bsg_robot.EXPLORE:
             sentence = "explore first: find the rooms that are not found yet"
         elif first is not None:
             sentence = f"go first to {_call(first, labels.get(first))}"
@@ -319,7 +318,7 @@ def _name(place: bsg_robot.Place) -> str:
 
 def _call(room: str, label: str | None) -> str:
     """Return the id of a room, with its label if it has another one."""
-    if room == EXPLORE:
+    if room == bsg_robot.EXPLORE:
         return str(label)
     return make_line(room if label in (None, room) else f"{room} ({label})")
 

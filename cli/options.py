@@ -18,9 +18,9 @@ from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 from bsg_models.belief.clock import read_now
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-Decorator = Callable[[Function], Function]
+_Decorator = Callable[[Function], Function]
 PATH = click.Path(path_type=Path)
-MOST_WORKERS = 1024  # each is a process; one machine has no use for more
+_MOST_WORKERS = 1024  # each is a process; one machine has no use for more
 
 
 class RegistryChoice(click.Choice[str]):
@@ -79,7 +79,7 @@ room_labels_option = click.option(
 
 workers_option = click.option(
     "--workers",
-    type=click.IntRange(1, MOST_WORKERS),
+    type=click.IntRange(1, _MOST_WORKERS),
     default=lambda: os.cpu_count() or 1,
     show_default="all cores",
     help="Number of processes. The result does not depend on it.",
@@ -94,7 +94,7 @@ def read_now_option(_: click.Context, __: click.Parameter, text: str | None) -> 
         raise click.BadParameter(str(error)) from None
 
 
-def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
+def model_option(text: str, *, multiple: bool = False) -> _Decorator[Any]:
     """Return `--model`: a shipped model, a run, or a model of the hub."""
     return click.option(
         "--model",
@@ -105,17 +105,17 @@ def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
     )
 
 
-def out_option(text: str, *, required: bool = False) -> Decorator[Any]:
+def out_option(text: str, *, required: bool = False) -> _Decorator[Any]:
     """Return `--out`, the path of the result."""
     return click.option("--out", type=PATH, required=required, help=text)
 
 
-def html_option(text: str) -> Decorator[Any]:
+def html_option(text: str) -> _Decorator[Any]:
     """Return `--html`, the path of a page that a browser opens."""
     return click.option("--html", type=PATH, callback=_require_page, help=text)
 
 
-def number_option(name: str, text: str, *, default: int, least: int = 1) -> Decorator[Any]:
+def number_option(name: str, text: str, *, default: int, least: int = 1) -> _Decorator[Any]:
     """Return an option that is an integer of `least` or more."""
     kind = click.IntRange(min=least)
     return click.option(name, type=kind, default=default, show_default=True, help=text)
@@ -124,18 +124,18 @@ def number_option(name: str, text: str, *, default: int, least: int = 1) -> Deco
 seed_option = number_option("--seed", "Random seed.", default=0, least=0)
 
 
-def choice_option(name: str, names: list[str], text: str, *, default: str) -> Decorator[Any]:
+def choice_option(name: str, names: list[str], text: str, *, default: str) -> _Decorator[Any]:
     """Return an option that is one of a few names."""
     kind = click.Choice(names)
     return click.option(name, type=kind, default=default, show_default=True, help=text)
 
 
-def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Decorator[Any]:
+def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> _Decorator[Any]:
     """Return `--split`, which selects the buildings."""
     return choice_option("--split", ["train", "val", "test", *more], text, default=default)
 
 
-def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorator[Any]:
+def mask_options(how: str, how_much: str, *, min_open: bool = False) -> _Decorator[Any]:
     """Return `--mask` and `--fraction`, which say how to hide objects."""
     options = (
         click.option(

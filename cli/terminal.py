@@ -32,7 +32,7 @@ FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
 SECONDS_BETWEEN_LINES = 30.0  # of progress, where no bar can be drawn
 
 
-Progress = Callable[..., None]  # called with units done, units in all, and a few words about them
+_Progress = Callable[..., None]  # called with units done, units in all, and a few words about them
 
 
 class _AskedToEndError(KeyboardInterrupt):
@@ -130,7 +130,7 @@ def _ended_in_order() -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
+def progress_bar(what: str, *, unit: str) -> Iterator[_Progress]:
     """Yield a callback (done, total, words) that draws a bar on stderr.
 
     If that is no terminal, or one of no known width, it prints a line once in
@@ -159,7 +159,7 @@ def _count_columns() -> int:
         return 0
 
 
-def _tell_now_and_then(what: str, *, unit: str) -> Progress:
+def _tell_now_and_then(what: str, *, unit: str) -> _Progress:
     last = time.monotonic()
     first: tuple[int, float] | None = None
 

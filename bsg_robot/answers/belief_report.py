@@ -19,7 +19,6 @@ from bsg_data.results import was_stopped, write_files, write_results
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.masked_graph import list_withheld, mask_dataset
-from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import ShownBelief, write_explorer
 from bsg_models.runs.found_model import DEFAULT_MODEL
@@ -91,52 +90,29 @@ def report_beliefs(
         RecipeError: if a file is named twice, or a file for one graph is asked to hold several.
         CheckpointError: if the run cannot be loaded.
     """
-    results = [(choose_format(path), path) for path in request.out]
-    paths = [path.absolute() for _, path in results]
-    paths += [file.path.absolute() for file in request.graphs]
-    for path in (path for path, times in Counter(paths).items() if times > 1):
-        raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
     left = was_stopped(request.out)
-    for row, path in results:
-        if not _annotates(row, request):
-            row.require_writer(path)
-        if row.report:
-            refuse_datasets(path)
-            require_free(resolve_links(path), RESULTS, force=request.force)
-        else:
-            refuse_file(path, force=request.force or left)
+    results = _check_outputs(request, left=left)
     wanted = _choose_scenes(request)
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
     predictor = Predictor(request.run)
     views: list[ShownBelief] = []
-    rooms: list[RoomBelief] = []
-    number = blind = 0
-
     notes: list[tuple[str, ...]] = []
+    rooms: list[RoomBelief] = []
+    blind: list[int] = []  # of each graph
 
     def believe_all() -> Iterator[BeliefGraph]:
-        nonlocal number, blind
         for asked in _ask_all(request, predictor, wanted):
-            graph, expectation = asked.graph, asked.expectation
-            kinds_of = [tuple((k.name, k.probability) for k in one) for one in asked.kinds]
-            belief = believe(
-                graph,
-                expectation,
-                mode=request.mode,
-                top=request.top,
-                model=predictor.name,
-                piece_of=find_pieces_of(graph, expectation.presence, kinds_of),
-            )
-            if number < MOST_HELD:
-                kinds = tuple(_say_kind(one) for one in asked.kinds)
-                views.append(ShownBelief(belief, asked.truth, answer=request.answer, kinds=kinds))
+            if len(views) < MOST_HELD:
+                kinds = tuple(map(_say_kind, asked.kinds))
+                view = ShownBelief(asked.belief, asked.truth, answer=request.answer, kinds=kinds)
+                views.append(view)
                 notes.append(asked.notes)
             rooms.extend(_describe_rooms(asked, request.top))
-            number, blind = number + 1, blind + len(belief.blind)
-            yield belief
+            blind.append(len(asked.belief.blind))
+            yield asked.belief
             if progress:
-                progress(number, total)
+                progress(len(blind), total)
 
     with _open_outputs(results, force=request.force, left=left) as staged:
         beliefs = believe_all()
@@ -147,13 +123,30 @@ def report_beliefs(
             if (row, path) != streamed:
                 _write(row, staged[path], request, views)
     graphs = tuple(view.belief for view in views)
-    return BeliefReport(predictor.name, tuple(notes), graphs, number, blind, tuple(rooms))
+    return BeliefReport(predictor.name, tuple(notes), graphs, len(blind), sum(blind), tuple(rooms))
+
+
+def _check_outputs(request: BeliefRequest, *, left: bool) -> list[tuple[FormatRow, Path]]:
+    """Return the files to write, each with its format; what may not be written is refused."""
+    results = [(choose_format(path), path) for path in request.out]
+    paths = [path.absolute() for path in (*request.out, *(file.path for file in request.graphs))]
+    for path in (path for path, times in Counter(paths).items() if times > 1):
+        raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
+    for row, path in results:
+        if not _annotates(row, request):
+            row.require_writer(path)
+        if row.report:
+            refuse_datasets(path)
+            require_free(resolve_links(path), RESULTS, force=request.force)
+        else:
+            refuse_file(path, force=request.force or left)
+    return results
 
 
 class _Asked(NamedTuple):
-    """A graph, and what is believed of it."""
+    """A graph with what is believed of it."""
 
-    graph: PartialGraph
+    belief: BeliefGraph
     expectation: Expectation
     truth: Counts | None = None  # of a masked building
     kinds: tuple[tuple[RoomKind, ...], ...] = ()  # by room, of a robot's graph
@@ -164,17 +157,23 @@ def _ask_all(
     request: BeliefRequest, predictor: Predictor, wanted: frozenset[str]
 ) -> Iterator[_Asked]:
     """Yield the graphs, and what is believed: of masked buildings, what annotators would note."""
+    mode, top = request.mode, request.top
     for file in request.graphs:
         graph = reclassify(file.graph, predictor.class_map)
         seen = SeenBuilding(graph, predictor, notes=file.notes)
         if request.now is not None:
             seen.passes(until=request.now)
         kinds = tuple(seen.kinds(room) for room in seen.rooms)
-        yield _Asked(seen.graph, seen.expectation(), kinds=kinds, notes=seen.notes)
+        belief = seen.belief(mode=mode, top=top)
+        yield _Asked(belief, seen.expectation(), kinds=kinds, notes=seen.notes)
     if request.dataset is not None:
         for graph, truth in mask_dataset(request.dataset, wanted, request.mask):
             believed = predictor(graph, withheld=list_withheld(request.mask, graph))
-            yield _Asked(graph, believed, truth)
+            pieces = find_pieces_of(graph, believed.presence)
+            belief = believe(
+                graph, believed, mode=mode, top=top, model=predictor.name, piece_of=pieces
+            )
+            yield _Asked(belief, believed, truth)
 
 
 def _say_kind(kinds: Sequence[RoomKind]) -> str:
@@ -223,7 +222,7 @@ def _choose_streamed(
 
 
 def _describe_rooms(asked: _Asked, top: int) -> Iterator[RoomBelief]:
-    graph, expectation = asked.graph, asked.expectation
+    graph, expectation = asked.belief.partial, asked.expectation
     ranked, classes = rank_unseen(expectation, top), graph.class_space.classes
     presence, hidden = expectation.presence, expectation.hidden
     for number, room in enumerate(graph.rooms, 1):

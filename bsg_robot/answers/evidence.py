@@ -68,10 +68,10 @@ def sum_looks(misses: Sequence[Miss], sought: Meaning) -> dict[int, Chances]:
     for miss in misses:
         if miss.covers(sought):
             rooms[miss.look.room_index].append(miss.look)
-    return {node: sum_chances(some) for node, some in rooms.items()}
+    return {node: _sum_chances(some) for node, some in rooms.items()}
 
 
-def sum_chances(looks: Iterable[Look]) -> Chances:
+def _sum_chances(looks: Iterable[Look]) -> Chances:
     """Return the piece of looks into a room, None for the whole room → their chances."""
     chances: dict[str | None, tuple[float, ...]] = {}
     for look in looks:
@@ -156,7 +156,7 @@ def _doubt_room(
     def seek(word: str) -> tuple[str, dict[str | None, float]]:
         """Return what looks for such an object call it, and what they missed."""
         some = [miss for miss in every if is_sought[miss.meaning.word](word)]
-        chances = sum_chances(miss.look for miss in some)
+        chances = _sum_chances(miss.look for miss in some)
         return some[0].meaning.kept_as if some else word, missed_by(chances)
 
     @cache

@@ -101,7 +101,7 @@ class Home:
         return self._graph.now is not None or bool(self._graph.customs)
 
     @cached_property
-    def tracks(self) -> tuple[Track, ...]:
+    def _tracks(self) -> tuple[Track, ...]:
         """The things of which it is known when they were seen."""
         before = {track.name: track for track in self._graph.memory}
         known = [self._follow(obj, before.pop(obj.name, None)) for obj in self._graph.objects]
@@ -148,7 +148,7 @@ class Home:
         """Id of an object → its room."""
         return {obj.name: obj.room_index for obj in self._graph.objects}
 
-    def tracks_of(self, meaning: Meaning) -> list[Track]:
+    def _tracks_of(self, meaning: Meaning) -> list[Track]:
         """Return the tracks of things of a meaning, the latest first."""
         tracks = self._select(self._words.names(meaning))
         return sorted(tracks, key=lambda track: -track.sightings[-1].time)
@@ -159,7 +159,7 @@ class Home:
     @cached_property
     def _by_word(self) -> Mapping[str, list[Track]]:
         found = defaultdict(list)
-        for track in self.tracks:
+        for track in self._tracks:
             found[track.word].append(track)
         return found
 
@@ -171,7 +171,7 @@ class Home:
             prior: `[N]` expected number of unseen ones, without this home.
             unseen: `[N]` P(one that is at a node was not seen there).
         """
-        own = self.tracks_of(meaning)
+        own = self._tracks_of(meaning)
         kin, advice = self._weigh_kin(meaning, own), self._hear(meaning)
         if not (own or kin or advice.weights or advice.left):
             return None
@@ -228,7 +228,7 @@ class Home:
 
     def list_habits(self, meaning: Meaning) -> tuple[Habit, ...]:
         """Return the places that such things have in this home, the likeliest first."""
-        own = self.tracks_of(meaning)
+        own = self._tracks_of(meaning)
         advice, now = self._hear(meaning), self._graph.now or 0.0
         seen = [sight for one in own for sight in one.sightings]
         others = join((self._weigh_kin(meaning, own), 1.0), (advice.weights, 1.0))

@@ -84,9 +84,9 @@ class Posterior:
 
     Attributes:
         reported: the graph as the robot said it.
-        whole: the same without what looks exclude, and with the rooms that are not found yet.
-        looks: that missed, of which the thing is known.
-        kinds: those of the rooms of `whole`.
+        graph: the same without what looks exclude, and with the rooms that are not found yet.
+        misses: looks that missed, of which the thing is known.
+        kinds: those of the rooms of `graph`.
     """
 
     def __init__(
@@ -94,15 +94,15 @@ class Posterior:
     ) -> None:
         """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
         self.reported, self._words = reported, words
-        self.looks, left = weigh_evidence(reported, words)
+        self.misses, left = weigh_evidence(reported, words)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
             (obj.room_index, obj.raw_category, obj.category, obj.class_index)
             for obj in left.objects
             if obj.is_evidence
         ]
-        heard = _age(left)
-        layout = replace(heard, looks=(), objects=(), memory=(), customs=(), now=None)
+        aged = _age(left)
+        layout = replace(aged, looks=(), objects=(), memory=(), customs=(), now=None)
         self._evidence = layout, layout.more_rooms is True, Counter(seen)  # True is not 1
         self._asked: dict[Asked, Apart] = {}
         self._found: dict[tuple[int, ...], CountDistribution] = {}  # by columns
@@ -113,12 +113,12 @@ class Posterior:
             self.kinds = before.kinds
         else:
             found = infer_kinds(left, read_kinds())
-            self.kinds = found.with_unknown(_count_unfound(left, found))
+            self.kinds = found.with_unknown(_count_undiscovered(left, found))
         more = len(self.kinds.rooms) - len(left.rooms)
-        self.whole = _add_unfound(left, more)
-        self._heard = self.whole if heard is left else _add_unfound(heard, more)
+        self.graph = _add_undiscovered(left, more)
+        self._aged = self.graph if aged is left else _add_undiscovered(aged, more)
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)
-        for obj in self.whole.objects:
+        for obj in self.graph.objects:
             self._objects[obj.room_index].append(obj)
         self._sought: dict[str, Sought] = {}
         self._usual: dict[str, Usual | None] = {}
@@ -126,12 +126,12 @@ class Posterior:
     @property
     def nodes(self) -> int:
         """Number of nodes: the building, its rooms, and those that are not found yet."""
-        return 1 + len(self.whole.rooms)
+        return 1 + len(self.graph.rooms)
 
     def _ask(self, asked: Asked) -> Apart:
         """Return what a model believes, of known rooms and of the others."""
         if asked not in self._asked:
-            graph = self._heard
+            graph = self._aged
             if asked != Asked.OWN:
                 graph = reclassify(graph, self._words.class_map(asked))
             self._asked[asked] = expect_apart(graph, self.kinds.known, self._words.model(asked))
@@ -142,7 +142,7 @@ class Posterior:
         if columns not in self._found:
             asked = self._ask(Asked.OWN).take_classes(np.array(columns))
             classes = find_things(tuple(self._words.own.classes[column] for column in columns))
-            rates = rate_things(classes.things, self.kinds, self._heard)
+            rates = rate_things(classes.things, self.kinds, self._aged)
             own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
             least, homes = np.zeros((2, self.nodes, len(columns)))
             homes[:, classes.own] = own.T
@@ -160,13 +160,13 @@ class Posterior:
 
         An object is unseen in proportion to the share of its kind that is.
         """
-        if self._heard is self.whole:
+        if self._aged is self.graph:
             return hidden
         classes = [self._words.own.classes[column] for column in columns]
         stays = np.array([self._words.stays(self._words.look_up(name)) for name in classes])
-        still = self.whole.still_so(stays)
-        then = np.array([room.hidden_share for room in self._heard.rooms])
-        now = 1 - (1 - np.array([room.hidden_share for room in self.whole.rooms])) * still
+        still = self.graph.still_so(stays)
+        then = np.array([room.hidden_share for room in self._aged.rooms])
+        now = 1 - (1 - np.array([room.hidden_share for room in self.graph.rooms])) * still
         more = now / then.clip(min=_LEAST)
         none = np.log1p(-hidden.presence.clip(max=_SURELY))
         after = none.copy()
@@ -188,7 +188,7 @@ class Posterior:
         """Return what is believed of the nodes that the robot said, by the building's model."""
         belief, rooms = self._counted, np.arange(1 + len(self.reported.rooms))
         chances = np.zeros(belief.inputs.shape)
-        words = {miss.meaning.word: miss.meaning for miss in self.looks}.values()
+        words = {miss.meaning.word: miss.meaning for miss in self.misses}.values()
         own = {m.class_index: m for m in words if m.is_class}
         for index, meaning in own.items():
             chances[:, index] = 1 - self._overlook(meaning)
@@ -204,7 +204,7 @@ class Posterior:
         found = self._sought.get(word)
         if found is None:
             meaning = self._words.understand(word)
-            found = Sought(meaning, self._look_up(meaning), sum_looks(self.looks, meaning))
+            found = Sought(meaning, self._look_up(meaning), sum_looks(self.misses, meaning))
             if len(self._sought) >= _MOST_SOUGHT:
                 self._sought.clear()
             self._sought[word] = found
@@ -214,7 +214,7 @@ class Posterior:
         """Return what is believed of a thing, after looks and with what this home has taught."""
         hidden, none = self._expect_hidden(meaning)
         searched = np.array([True, *(self._hidden_now(meaning) == 0)])
-        usual, new = self.find_usual(meaning, hidden), np.ones(self.nodes)
+        usual, new = self._find_usual(meaning, hidden), np.ones(self.nodes)
         if usual is not None:
             hidden, none = believe_usual(hidden, none, usual, is_class=meaning.is_class)
             searched &= usual.none == 1
@@ -236,13 +236,13 @@ class Posterior:
 
     def _hidden_now(self, meaning: Meaning) -> Floats:
         """Return the share of such things of each room that is not seen, `[R]`."""
-        then = np.array([room.hidden_share for room in self.whole.rooms])
-        return 1 - (1 - then) * self.whole.still_so(np.array(self._words.stays(meaning)))
+        then = np.array([room.hidden_share for room in self.graph.rooms])
+        return 1 - (1 - then) * self.graph.still_so(np.array(self._words.stays(meaning)))
 
     @cached_property
     def home(self) -> Home:
         """What this home has taught."""
-        after = {obj.name: obj.probability for obj in self.whole.objects}
+        after = {obj.name: obj.probability for obj in self.graph.objects}
         still = {}
         for obj in self.reported.objects:
             stayed = self._stayed(obj)
@@ -251,7 +251,9 @@ class Posterior:
             still[obj.name] = seen, seen * stayed
         return Home(self.reported, still, self._words, pieces=self.pieces_of)
 
-    def find_usual(self, meaning: Meaning, hidden: CountDistribution | None = None) -> Usual | None:
+    def _find_usual(
+        self, meaning: Meaning, hidden: CountDistribution | None = None
+    ) -> Usual | None:
         """Return where such things usually are; None if this home has taught nothing of them.
 
         Their hidden counts without it may be given.
@@ -275,15 +277,15 @@ class Posterior:
         if thing is None:
             hidden = self._hidden_now(meaning)
         else:
-            hidden = hide(Things.of([thing], self.kinds.table), self.whole)[0]
+            hidden = hide(Things.of([thing], self.kinds.table), self.graph)[0]
         if self.reported.now is not None:
-            is_dated = [room.time is not None for room in self.whole.rooms]
+            is_dated = [room.time is not None for room in self.graph.rooms]
             hidden = np.where(is_dated, hidden, 1.0)
         return np.array([1.0, *hidden])
 
     def _list_found(self, meaning: Meaning) -> list[SeenObject]:
         """Return the objects that are such things."""
-        objects, is_sought = self.whole.objects, self._words.names(meaning)
+        objects, is_sought = self.graph.objects, self._words.names(meaning)
         if not meaning.is_class:
             return [obj for obj in objects if is_sought(obj.raw_category)]
         overlaps = self._words.judge != Asked.OWN  # mugs have a class, and are tableware, too
@@ -316,7 +318,7 @@ class Posterior:
         """Return the mean numbers of an everyday thing at every node, `[N]`."""
         parts = () if meaning.kind else list_narrower(thing)
         things = Things.of([thing, *parts], self.kinds.table)
-        rates = rate_things(things, self.kinds, self.whole, owner=meaning.owner).max(axis=0)
+        rates = rate_things(things, self.kinds, self.graph, owner=meaning.owner).max(axis=0)
         classes, whole = self._words.own.classes, thing.wider
         if whole in (None, *thing.names) or whole not in classes or thing.sight < IN_SIGHT:
             return np.asarray(rates)
@@ -326,27 +328,27 @@ class Posterior:
     def _overlook(self, meaning: Meaning) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
         missed = np.ones(self.nodes)
-        for node, chances in sum_looks(self.looks, meaning).items():
+        for node, chances in sum_looks(self.misses, meaning).items():
             some = missed_by(chances)
             missed[node] = some.pop(None, 1.0)
-            if some and (furniture := self.furnish(meaning, node)) is not None:
+            if some and (furniture := self._furnish(meaning, node)) is not None:
                 missed[node] *= furniture.overlooked(some)
         return missed
 
-    def objects_of(self, node: int) -> Sequence[SeenObject]:
+    def _objects_of(self, node: int) -> Sequence[SeenObject]:
         """Return the objects of a room."""
         return self._objects.get(node, ())
 
     def pieces_of(self, node: int) -> SeenPieces:
         """Return the furniture of a room."""
         if node not in self._pieces:
-            self._pieces[node] = find_pieces(self.objects_of(node))
+            self._pieces[node] = find_pieces(self._objects_of(node))
         return self._pieces[node]
 
-    def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
+    def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
         belief = self._ask(Asked.OWN).every
-        room = self.whole.rooms[node - 1]
+        room = self.graph.rooms[node - 1]
         if room.time is not None:
             room = replace(room, hidden_share=float(self._hidden_now(meaning)[node - 1]))
         found = furnish(
@@ -358,8 +360,8 @@ class Posterior:
             tidy=tidy,
             kinds=self.kinds.said[node - 1],
         )
-        usual = self.find_usual(meaning)
-        return found if usual is None else usual.furnish(found, node, self.objects_of(node))
+        usual = self._find_usual(meaning)
+        return found if usual is None else usual.furnish(found, node, self._objects_of(node))
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
@@ -378,7 +380,7 @@ class Posterior:
     def list_places(self, sought: Sought) -> list[Spot]:
         """Return where to look in all rooms: their pieces, each followed by the rest."""
         places: list[Spot] = []
-        for node, room in enumerate(self.whole.rooms, 1):
+        for node, room in enumerate(self.graph.rooms, 1):
             spots = self._list_spots(sought, node)
             if not spots:
                 looked = sought.looks.get(node, {}).get(None, ())
@@ -391,7 +393,7 @@ class Posterior:
 
     def _list_spots(self, sought: Sought, node: int, tidy: float = TIDY) -> list[Spot]:
         """Return the pieces of a room where a thing may be, then its rest; none if it stands."""
-        furniture = self.furnish(sought.meaning, node, tidy)
+        furniture = self._furnish(sought.meaning, node, tidy)
         if furniture is None:
             return []
         return list_spots(
@@ -413,13 +415,13 @@ class Posterior:
             meaning = self._words.look_up(look.thing)
             if look.at is None or room_of.get(look.at) == look.room_index or meaning is None:
                 continue
-            furniture = self.furnish(meaning, look.room_index)
+            furniture = self._furnish(meaning, look.room_index)
             if furniture is not None and look.at in furniture.names:
                 missed = 1 - furniture.overlooked({look.at: 1 - look.chance})
                 stays = self._words.staying(graph.stays)
                 moved = replace(look, at=None, chance=missed)
                 graph = reports.look(graph, moved, stays=stays)
-                objects = self.objects_of(look.room_index)
+                objects = self._objects_of(look.room_index)
                 left.setdefault(look.at, {obj.name: self._score(obj) for obj in objects})
         if not left:
             return graph
@@ -453,7 +455,7 @@ def _age(graph: PartialGraph) -> PartialGraph:
     return reports.follow_rooms(graph, replace(graph, rooms=rooms))
 
 
-def _count_unfound(graph: PartialGraph, kinds: RoomKinds) -> int:
+def _count_undiscovered(graph: PartialGraph, kinds: RoomKinds) -> int:
     """Return how many rooms are not found yet.
 
     If the graph says only that there are more, it is the mean of the homes that have more rooms
@@ -472,7 +474,7 @@ def _expect_more(found: int) -> int:
     return max(1, round(sum(more * number for more, number in larger) / homes)) if homes else 1
 
 
-def _add_unfound(graph: PartialGraph, more: int) -> PartialGraph:
+def _add_undiscovered(graph: PartialGraph, more: int) -> PartialGraph:
     """Return the graph with the rooms that are not found yet, last, of which nothing is known."""
     for number in range(1, more + 1):
         unknown = KnownRoom(f"(not found yet: {number})", 1.0, visited=False)

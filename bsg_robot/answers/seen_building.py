@@ -22,7 +22,7 @@ from bsg_data.files import AnyPath
 from bsg_data.records import read_number
 from bsg_data.sources.room_words import RoomWords
 from bsg_data.words.shown import show_value
-from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
+from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import LOOK_CHANCE
 from bsg_models.runs.found_model import DEFAULT_MODEL
@@ -463,16 +463,20 @@ class SeenBuilding(RobotMap):
         return tuple(steps)
 
     @alone
-    def belief(self) -> BeliefGraph:
+    def belief(self, *, mode: Mode = "complete", top: int = 3) -> BeliefGraph:
         """Return the belief graph, for files and pages: `write_belief(seen.belief(), path)`.
 
-        It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
-        II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
+        Args:
+            mode: which blind nodes: as many as are expected (`complete`), or those of the paper's
+                Table II, one for each of the top unseen classes (`unseen`).
+            top: number of unseen classes per room.
         """
         kinds = [self._now.kinds.said[number] for number in range(len(self.graph.rooms))]
         expectation = self._now.expectation()
         pieces = find_pieces_of(self.graph, expectation.presence, kinds)
-        return believe(self.graph, expectation, model=self.model, piece_of=pieces)
+        return believe(
+            self.graph, expectation, mode=mode, top=top, model=self.model, piece_of=pieces
+        )
 
     @alone
     def expectation(self) -> Expectation:

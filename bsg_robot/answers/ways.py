@@ -23,10 +23,10 @@ from bsg_robot.answers.words import find_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 MOST_PAIRS = 10_000  # of rooms, in a list of costs
-CLOSED = "closed"  # instead of a cost
+_CLOSED = "closed"  # instead of a cost
 Costs = Mapping[tuple[str, str], float]
 AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
-GivenCosts: TypeAlias = tuple[tuple[tuple[int, int], float], ...]  # of two rooms, by index
+_GivenCosts: TypeAlias = tuple[tuple[tuple[int, int], float], ...]  # of two rooms, by index
 _DAY = 24.0  # hours after which half of what is sought may have come into a room
 _MOST = 1e9
 _MOST_USUAL = 4 * USUAL_WAY
@@ -75,7 +75,7 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
 def _measure(
     places: tuple[tuple[float, ...] | None, ...],
     adjacency: tuple[tuple[int, int], ...],
-    given: GivenCosts,
+    given: _GivenCosts,
 ) -> Ways:
     """Return the ways between rooms at some places; `given` are costs that replace the measured."""
     lines = measure_lines(np.array([_NOWHERE, *(place or _NOWHERE for place in places)]))
@@ -101,7 +101,7 @@ def _measure(
     return Ways(edges, costs, unit, usual, 1.0 if len(measured) else usual / USUAL_WAY)
 
 
-def _shorten(edges: Floats, certain: Floats, given: GivenCosts, *, is_joined: bool) -> Floats:
+def _shorten(edges: Floats, certain: Floats, given: _GivenCosts, *, is_joined: bool) -> Floats:
     """Return the costs of the cheapest ways; what is guessed shortens none that is certain.
 
     If rooms are said to be adjacent (`is_joined`), only those ways are certain that are given.
@@ -221,7 +221,7 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
         near[b] = np.inf
 
 
-def check_look(look: Any) -> AnyLook | None:
+def _check_look(look: Any) -> AnyLook | None:
     """Return what a robot says of the cost of its looks: a number, or room → number.
 
     Raises:
@@ -245,7 +245,7 @@ def read_costs(rows: Any) -> Costs | None:
     """
     if rows is None:
         return None
-    form = f'[room, room, cost or "{CLOSED}"]'
+    form = f'[room, room, cost or "{_CLOSED}"]'
     if not isinstance(rows, list | tuple) or len(rows) > MOST_PAIRS:
         raise _refuse_costs(
             f"expected a list of at most {MOST_PAIRS:,} {form}, found {show_value(rows)}"
@@ -256,8 +256,8 @@ def read_costs(rows: Any) -> Costs | None:
         if len(ends) != 2 or len(row) != 3 or not all(isinstance(room, str) for room in ends):
             raise _refuse_costs(f"expected {form}, found {show_value(row)}")
         what = " to ".join(map(show_value, ends))
-        cost, wanted = row[2], f"0 to {_MOST:g}, or {CLOSED!r}"
-        if cost == CLOSED:
+        cost, wanted = row[2], f"0 to {_MOST:g}, or {_CLOSED!r}"
+        if cost == _CLOSED:
             cost = math.inf
         else:
             cost = read_number(f"costs: {what}", cost, most=_MOST, wanted=wanted)
@@ -286,7 +286,7 @@ SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a pie
 SaidSpeed = Annotated[float, Number, Field(ge=1e-6, le=_MOST)]  # metres a second
 SaidLook = Annotated[  # as a field of what people and programs ask
     AnyLook | None,
-    PlainValidator(check_look),
+    PlainValidator(_check_look),
     WithJsonSchema(
         {"anyOf": [_COST, {"type": "object", "additionalProperties": _COST}, {"type": "null"}]}
     ),
@@ -308,7 +308,7 @@ def cost_looks(graph: PartialGraph, ways: Ways, look: AnyLook | None = None) -> 
     Raises:
         RecipeError: if a cost is not a number of 0 or more, or a name means no room.
     """
-    look = check_look(look)
+    look = _check_look(look)
     if look is not None and not isinstance(look, Mapping):
         return np.full(2 + len(graph.rooms), look)
     hidden = np.array([room.hidden_share for room in graph.rooms])

@@ -48,9 +48,9 @@ def test_who_names_no_model_is_told_the_terms_of_the_default_one(run: Path) -> N
 
 
 def test_the_terms_are_those_of_the_cards() -> None:
-    said, advised = TERMS.partition(":")[0], TERMS.split()[-1]
-    assert said == bsg_models.DEFAULT_MODEL
-    cards = (read_card(read_shipped_card(name), origin=name) for name in (said, advised))
+    default, advised = TERMS.partition(":")[0], TERMS.split()[-1]
+    assert default == bsg_models.DEFAULT_MODEL
+    cards = (read_card(read_shipped_card(name), origin=name) for name in (default, advised))
     assert [card.is_restricted for card in cards] == [True, False]
 
 
@@ -98,8 +98,8 @@ def test_masked_buildings_give_a_belief_graph_each(
     assert {answer["scene_id"] for answer in answers} == scenes
     assert all(f'"title":"{scene}"' in shown for scene in scenes)
     assert all(len(answer["unseen"]) <= 3 for answer in answers)
-    one = call(dataset, "--model", run, "--scene", answers[0]["scene_id"], "--json")
-    assert {answer["scene_id"] for answer in json.loads(one.stdout)} == {answers[0]["scene_id"]}
+    single = call(dataset, "--model", run, "--scene", answers[0]["scene_id"], "--json")
+    assert {answer["scene_id"] for answer in json.loads(single.stdout)} == {answers[0]["scene_id"]}
 
 
 @pytest.mark.parametrize(

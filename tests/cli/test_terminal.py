@@ -107,9 +107,9 @@ def test_long_work_says_a_line_now_and_then_where_no_bar_fits(
             report(epoch, 1160, f"val {epoch}")
         report(1160, 1160)
     monkeypatch.undo()
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.splitlines() == [
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.splitlines() == [
         "train: 46 of 1,160 epochs, val 46, about 18:34 left",
         "train: 70 of 1,160 epochs, val 70, about 20:31 left",
     ]
@@ -190,10 +190,10 @@ def test_json_says_what_a_terminal_would_obey_as_escapes(
 ) -> None:
     name = "\x9b2J \u202elive \u2028 \x7f \U000e0001 é 🛏 \t\n"
     print_json({name: [name]})
-    said = capsys.readouterr().out
-    assert not any(c in said for c in "\x9b\u202e\u2028\x7f\U000e0001")
-    assert "é 🛏" in said
-    assert json.loads(said) == {name: [name]}
+    printed = capsys.readouterr().out
+    assert not any(c in printed for c in "\x9b\u202e\u2028\x7f\U000e0001")
+    assert "é 🛏" in printed
+    assert json.loads(printed) == {name: [name]}
 
 
 def test_a_note_is_one_line_whatever_a_stranger_wrote(capsys: pytest.CaptureFixture[str]) -> None:

@@ -201,20 +201,6 @@ def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
         assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
 
 
-def test_an_annotated_graph_opens_with_the_names_that_it_carries(
-    tmp_path: Path, predictor: Predictor
-) -> None:
-    """Without the label space that named them."""
-    pytest.importorskip("spark_dsg")
-    named = open_graph_file(REPOSITORY / "docs" / "dsg.json", labels="mpcat40")
-    belief = believe(named.graph, predictor(named.graph))
-    annotate_hydra(belief, named, tmp_path / "annotated.json")
-    again = open_graph_file(tmp_path / "annotated.json")
-    assert [obj.category for obj in again.graph.objects] == [
-        obj.category for obj in named.graph.objects
-    ]
-
-
 CASES = REPOSITORY.parent / "shared" / "cases"
 
 

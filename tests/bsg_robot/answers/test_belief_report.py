@@ -46,9 +46,9 @@ def test_a_graph_is_read_into_the_class_space_of_the_run(wide_run: Path, tmp_pat
     path = tmp_path / "robot.json"
     rooms, objects = [{"id": "lounge"}], [{"id": "1", "room": "lounge", "category": "boots"}]
     path.write_text(json.dumps({"scene_id": "flat", "rooms": rooms, "objects": objects}))
-    told = report_beliefs(BeliefRequest(run=wide_run, graphs=(open_graph_file(path),)))
-    (obj,) = told.graphs[0].partial.objects
-    assert told.graphs[0].partial.class_space.classes[obj.class_index or 0] == "shoe"
+    read = report_beliefs(BeliefRequest(run=wide_run, graphs=(open_graph_file(path),)))
+    (obj,) = read.graphs[0].partial.objects
+    assert read.graphs[0].partial.class_space.classes[obj.class_index or 0] == "shoe"
 
 
 def test_a_run_of_another_space_is_refused_with_both_named(wide_run: Path, dataset: Path) -> None:

@@ -127,7 +127,7 @@ def overlook(chance: float, looks: int) -> float:
 
 def law_of(case: Case, thing: int, most: int) -> Law:
     """Return the law of a thing: looks overlook alike; rooms share a tilt."""
-    none, there = [], []
+    none, present = [], []
     for room in range(1, len(case.rates)):
         rate, so_far = float(case.rates[room, thing]), case.missed[thing][room]
         scores = [s for s in case.scores[room][thing] if case.task == "single" or s < 1]
@@ -137,14 +137,14 @@ def law_of(case: Case, thing: int, most: int) -> Law:
             here.append(math.exp(-rate * finds) * math.prod(1 - finds * s for s in scores))
         none.append(here)
         every = math.prod(1 - s for s in case.scores[room][thing])
-        there.append(1 - math.exp(-rate) * every)
-    whole = min(max(case.belief(thing).probability[0], *there, 0.0), sum(there))
+        present.append(1 - math.exp(-rate) * every)
+    whole = min(max(case.belief(thing).probability[0], *present, 0.0), sum(present))
 
     def gap(z: float) -> float:
-        return (1 - math.prod(1 - z * p for p in there)) / z - whole
+        return (1 - math.prod(1 - z * p for p in present)) / z - whole
 
-    least, top = 1e-3, (1 - 1e-12) / max(1e-12, *there)
-    if sum(p > 1e-6 for p in there) < 2:
+    least, top = 1e-3, (1 - 1e-12) / max(1e-12, *present)
+    if sum(p > 1e-6 for p in present) < 2:
         tilt = 1.0
     elif gap(least) <= 0:
         tilt = least  # rooms exclude each other
@@ -167,11 +167,11 @@ def cost_policies(case: Case, laws: Sequence[Law], most: int) -> dict[Room, floa
         """Return P(the looks that are left find something): each finds what others left."""
         nothing = 1.0
         for law in laws:
-            rest = math.prod(
+            others = math.prod(
                 1 - law.tilt * (none[n] - none[most])
                 for none, n in zip(law.none, looks, strict=True)
             )
-            nothing *= 1 - (1 - rest) / law.tilt
+            nothing *= 1 - (1 - others) / law.tilt
         return 1 - nothing
 
     @cache
@@ -184,11 +184,11 @@ def cost_policies(case: Case, laws: Sequence[Law], most: int) -> dict[Room, floa
         leg = float(case.costs[at, room + 1] + case.look[room + 1])
         if case.task == "all":
             return leg * something_left(looks) + go_on(then, room + 1, goal)
-        now = {one: left(one, looks) for one in goal}
-        goal = frozenset(one for one in goal if now[one] > 1e-300)
+        now = {thing: left(thing, looks) for thing in goal}
+        goal = frozenset(thing for thing in goal if now[thing] > 1e-300)
         if not goal:
             return 0.0
-        stays = {one: min(left(one, then) / now[one], 1.0) for one in goal}
+        stays = {thing: min(left(thing, then) / now[thing], 1.0) for thing in goal}
         cost = leg
         for size in range(1, len(goal) + 1):
             for some in map(frozenset, combinations(sorted(goal), size)):
@@ -222,7 +222,7 @@ def above_best(case: Case, *, most: int) -> float | None:
 def test_the_first_room_is_that_of_the_best_policy_of_all(again: bool) -> None:
     """Expected cost at most 1 % above the best in every building, and equal in 99 %."""
     found = (above_best(sample(seed, again=again), most=3 if again else 1) for seed in range(300))
-    above = np.array([one for one in found if one is not None])
+    above = np.array([share for share in found if share is not None])
     assert len(above) > 180
     assert above.max() <= 0.01
     assert np.mean(above < 1e-6) >= 0.99
@@ -244,9 +244,9 @@ def best_times(case: Case) -> dict[tuple[Room | None, ...], float]:
         for cuts in combinations(range(len(order) + robots - 1), robots - 1):
             bounds = [-1, *cuts, len(order) + robots - 1]
             sizes = [b - a - 1 for a, b in pairwise(bounds)]
-            rest, looks, first = list(order), [], []
+            left, looks, first = list(order), [], []
             for here, size in zip(case.here, sizes, strict=True):
-                part, rest = rest[:size], rest[size:]
+                part, left = left[:size], left[size:]
                 clock, place = 0.0, here
                 for room in part:
                     clock += case.costs[place, room] + case.look[room]

@@ -80,14 +80,15 @@ def test_the_rates_by_hand() -> None:
     objects = [SeenObject(w, 1, w, None, None) for w in ("counter", "refrigerator", "spoon")]
     unseen = np.array([0, 0.4])
     found = furnish("milk", room, find_pieces(objects), classes=("couch", "sink"), unseen=unseen)
-    shares, kept = read_shares(), find_keeping("milk")
+    shares, keeping = read_shares(), find_keeping("milk")
     assert found is not None
-    assert kept is not None
+    assert keeping is not None
     people = 0.5 * (shares.belongs + shares.untidy)[shares.rooms.index("kitchen")]
     counter, fridge, sink = (
-        people[one.like[0]] * (kept.weights.get(one.name, 0) + (0.3 if one.only else 3)) ** 0.8
+        people[kind.like[0]]
+        * (keeping.weights.get(kind.name, 0) + (0.3 if kind.only else 3)) ** 0.8
         for w in ("counter", "fridge", "sink")
-        if (one := find_receptacle(w))
+        if (kind := find_receptacle(w))
     )
     expected = np.array([counter * 0.75, fridge, sink * 0.4 * 0.2])  # it was inside the room
     np.testing.assert_allclose(found.rates, expected)
@@ -99,7 +100,7 @@ def test_the_rates_by_hand() -> None:
 
 def test_shares_of_a_room_add_up_and_what_was_seen_is_there() -> None:
     pieces = flat().where("mug", within="kitchen")
-    assert sum(one.if_there for one in pieces) == pytest.approx(1)
+    assert sum(piece.if_there for piece in pieces) == pytest.approx(1)
     assert pieces[0] == Piece("counter", "counter", 1.0, pieces[0].if_there, ("cup",))
     assert pieces[-1].name == NOT_SEEN
     assert pieces[-1].piece is None
@@ -111,22 +112,25 @@ def test_shares_of_a_room_add_up_and_what_was_seen_is_there() -> None:
 
 def test_a_look_at_a_piece_moves_the_belief_to_the_others_by_bayes_rule() -> None:
     seen = flat()
-    before = {one.piece: one.if_there for one in seen.where("milk", within="kitchen")}
+    before = {piece.piece: piece.if_there for piece in seen.where("milk", within="kitchen")}
     room = seen.where("milk")[0].unseen
     seen.looked("kitchen", "milk", at="fridge", chance=0.9)
-    after = {one.piece: one.if_there for one in seen.where("milk", within="kitchen")}
+    after = {piece.piece: piece.if_there for piece in seen.where("milk", within="kitchen")}
     missed = 1 - 0.9 * before["fridge"]
     assert after["fridge"] == pytest.approx(0.1 * before["fridge"] / missed)
     assert after["upper"] == pytest.approx(before["upper"] / missed)
     assert seen.where("milk")[0].unseen < room
-    assert {one.piece: one.if_there for one in seen.where("cheese", within="kitchen")}[
+    assert {piece.piece: piece.if_there for piece in seen.where("cheese", within="kitchen")}[
         "fridge"
     ] == pytest.approx(before["fridge"])
 
 
 def test_tidy_and_untidy_homes_differ() -> None:
     tidy, untidy = (
-        {one.piece: one.if_there for one in flat().where("book", within="living room", tidy=t)}
+        {
+            piece.piece: piece.if_there
+            for piece in flat().where("book", within="living room", tidy=t)
+        }
         for t in (1.0, 0.0)
     )
     assert tidy["books"] > untidy["books"], "where it belongs"
@@ -190,11 +194,11 @@ def test_what_was_seen_in_the_room_is_on_a_piece_that_was_seen_there() -> None:
     seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": ["coat rack"]})
     pieces = seen.where("cup", within="kitchen")
     unseen = next(place for place in seen.where("cup") if place.room == "kitchen").unseen
-    rest = pieces[-1].if_there
-    for one in pieces:
-        lies = 0.0 if one.name == NOT_SEEN else one.if_there / (1 - rest)
-        both = 1 - (1 - lies) * (1 - one.if_there * unseen)
-        assert one.probability == pytest.approx(both)
+    unseen_pieces = pieces[-1].if_there
+    for piece in pieces:
+        lies = 0.0 if piece.name == NOT_SEEN else piece.if_there / (1 - unseen_pieces)
+        both = 1 - (1 - lies) * (1 - piece.if_there * unseen)
+        assert piece.probability == pytest.approx(both)
     go = seen.next_place("cup", here="hall")
     assert go is not None
     assert (go.room, go.piece) == ("kitchen", pieces[0].piece)
@@ -237,7 +241,7 @@ def test_costs_that_are_said_are_obeyed() -> None:
 
 def test_furniture_in_other_words_is_furniture() -> None:
     seen = open_graph({"kitchen": ["white cabinet", "wooden table", "fridge_2"], "hall": []})
-    known = {one.name for one in seen.where("mug", within="kitchen")}
+    known = {piece.name for piece in seen.where("mug", within="kitchen")}
     assert known == {"white cabinet", "wooden table", "fridge_2", NOT_SEEN}
     with refuses(RecipeError, "piece-holds-nothing", where="spoon"):
         seen.saw("kitchen", "spoon", object_id="spoon")
@@ -257,7 +261,7 @@ def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() ->
 def test_a_piece_is_named_by_its_id_or_its_word() -> None:
     seen = flat()
     seen.looked("kitchen", "milk", at="refrigerator")
-    assert [one.at for one in seen.graph.looks] == ["fridge"]
+    assert [look.at for look in seen.graph.looks] == ["fridge"]
     with refuses(RecipeError, "piece-unknown", where="sofa"):
         seen.looked("kitchen", "milk", at="sofa")
     with refuses(RecipeError, "piece-on-itself", where="cup"):

@@ -33,8 +33,8 @@ class Story:
         names = draw.sample(ROOMS, draw.randint(1, 4))
         rooms = [{"id": name, "visited": draw.random() < 0.6} for name in names]
         clock = {"now": draw.choice([0, NOW, -50])} if draw.random() < 0.5 else {}
-        said = {"scene_id": "home", "rooms": rooms, "more_rooms": draw.choice([0, True])}
-        self.seen = open_graph({**said, **clock}, model=UNIVERSAL)
+        home = {"scene_id": "home", "rooms": rooms, "more_rooms": draw.choice([0, True])}
+        self.seen = open_graph({**home, **clock}, model=UNIVERSAL)
         self.told: list[str] = []
 
     def go_on(self, steps: int) -> None:
@@ -102,9 +102,11 @@ def answer(seen: SeenBuilding) -> list[Any]:
             assert place.if_there == pytest.approx(min(1, place.probability / (anywhere or 1)))
         habits = seen.habits(thing)
         assert not habits or sum(habit.share for habit in habits) == pytest.approx(1)
-        said = {f"{p.room}": p.probability for p in places}
-        said |= {f"{p.room} {one.piece}": one.probability for p in places for one in p.pieces}
-        found += [anywhere, *(said[name] for name in sorted(said))]
+        likely = {f"{p.room}": p.probability for p in places}
+        likely |= {
+            f"{p.room} {piece.piece}": piece.probability for p in places for piece in p.pieces
+        }
+        found += [anywhere, *(likely[name] for name in sorted(likely))]
     try:
         found.append(seen.next_room("mug", here=seen.rooms[0]))
     except RecipeError as error:  # no way leads to what is left
@@ -112,9 +114,9 @@ def answer(seen: SeenBuilding) -> list[Any]:
     return found
 
 
-def is_same(one: list[Any], other: list[Any]) -> bool:
-    numbers = [[n for n in some if isinstance(n, float)] for some in (one, other)]
-    return one[-1] == other[-1] and numbers[0] == pytest.approx(numbers[1], abs=1e-9)
+def is_same(first: list[Any], second: list[Any]) -> bool:
+    numbers = [[n for n in some if isinstance(n, float)] for some in (first, second)]
+    return first[-1] == second[-1] and numbers[0] == pytest.approx(numbers[1], abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -122,8 +124,8 @@ def test_any_story_is_answered_and_saved(seed: int) -> None:
     story = Story(seed)
     for _ in range(8):
         story.go_on(8)
-        said = json.loads(json.dumps(encode_robot_graph(story.seen.graph)))
-        assert is_same(answer(story.seen), answer(open_graph(said, model=UNIVERSAL))), said
+        document = json.loads(json.dumps(encode_robot_graph(story.seen.graph)))
+        assert is_same(answer(story.seen), answer(open_graph(document, model=UNIVERSAL))), document
 
 
 @pytest.mark.parametrize("seed", range(8, 12))
@@ -141,10 +143,10 @@ def test_what_is_forgotten_was_never_there(seed: int) -> None:
         still,
         objects=tuple(replace(obj, time=None, stays=None) for obj in graph.objects),
         rooms=tuple(replace(room, time=None) for room in graph.rooms),
-        looks=tuple(replace(one, time=None) for one in graph.looks),
+        looks=tuple(replace(look, time=None) for look in graph.looks),
     )
     remembering = replace(still, memory=graph.memory)
-    answers = [answer(SeenBuilding(one, UNIVERSAL)) for one in (still, timeless, remembering)]
+    answers = [answer(SeenBuilding(state, UNIVERSAL)) for state in (still, timeless, remembering)]
     assert answers[0] == answers[1] == answers[2]
 
 
@@ -154,8 +156,8 @@ def test_a_sighting_fades(thing: str, on: str | None) -> None:
     """At the same time of the day: what is learned of a place stays."""
     rooms = [{"id": name} for name in ROOMS]
     table = {"id": "table", "room": "hall", "category": "table", "time": NOW}
-    said = {"scene_id": "home", "rooms": rooms, "objects": [table], "now": NOW, "more_rooms": 0}
-    seen = open_graph(said, model=UNIVERSAL)
+    home = {"scene_id": "home", "rooms": rooms, "objects": [table], "now": NOW, "more_rooms": 0}
+    seen = open_graph(home, model=UNIVERSAL)
     seen.saw("hall", thing, on=on)
     likely = []
     for day in range(10):

@@ -37,7 +37,7 @@ def draw(seed: int) -> State:
             score = {"score": float(rng.choice([0.2, 0.8]))} if rng.random() < 0.3 else {}
             thing = {"id": str(len(objects)), "room": str(name), "category": str(word)}
             objects.append(thing | score)
-    pairs = [[one["id"], two["id"]] for one, two in pairwise(rooms)]
+    pairs = [[room["id"], beside["id"]] for room, beside in pairwise(rooms)]
     more = {"more_rooms": int(rng.integers(0, 3))}
     return {"scene_id": "home", "rooms": rooms, "objects": objects, "adjacency": pairs, **more}
 
@@ -80,9 +80,9 @@ def by_python(state: State, folder: Path) -> SeenBuilding:
     bare = replace(graph, objects=(), hidden_share=0.5)
     shares = [room["hidden_share"] for room in state["rooms"]]
     rooms = [replace(r, hidden_share=s) for r, s in zip(graph.rooms, shares, strict=True)]
-    told: PartialGraph = replace(bare, rooms=tuple(rooms), objects=graph.objects)
-    mean = float(np.mean([room.hidden_share for room in told.rooms]))
-    return SeenBuilding(replace(told, hidden_share=mean), UNIVERSAL)
+    full: PartialGraph = replace(bare, rooms=tuple(rooms), objects=graph.objects)
+    mean = float(np.mean([room.hidden_share for room in full.rooms]))
+    return SeenBuilding(replace(full, hidden_share=mean), UNIVERSAL)
 
 
 def by_saving(state: State, folder: Path) -> SeenBuilding:
@@ -94,10 +94,10 @@ def answer(seen: SeenBuilding) -> list[Any]:
     """Return all that is answered, as numbers and names."""
     shares = [(room.name, room.visited, room.hidden_share) for room in seen.graph.rooms]
     kinds = [[(kind.name, kind.probability) for kind in seen.kinds(r)] for r in seen.rooms]
-    there = {f"{t} {p.room}": p.probability for t in ASKED for p in seen.where(t)}
+    likely = {f"{t} {p.room}": p.probability for t in ASKED for p in seen.where(t)}
     building = [seen.graph.hidden_share, *(seen.anywhere(thing) for thing in ASKED)]
     go = [seen.next_room(thing, here=seen.rooms[0]) for thing in ASKED]
-    return [shares, kinds, there, building, go]
+    return [shares, kinds, likely, building, go]
 
 
 @pytest.mark.parametrize("door", [by_calls, by_options, by_python, by_saving])
@@ -106,11 +106,11 @@ def test_the_same_state_has_the_same_answers(
 ) -> None:
     for seed in range(8):
         state = draw(seed)
-        expected, told = (answer(one(state, tmp_path)) for one in (by_file, door))
-        shares, kinds, there, building, go = told
+        expected, found = (answer(ask(state, tmp_path)) for ask in (by_file, door))
+        shares, kinds, likely, building, go = found
         assert shares == expected[0], state
         assert kinds == expected[1], state
-        assert there == pytest.approx(expected[2], abs=1e-9), state
+        assert likely == pytest.approx(expected[2], abs=1e-9), state
         assert building == pytest.approx(expected[3], abs=1e-9), state
         assert go == expected[4], state
 
@@ -122,18 +122,18 @@ def test_looks_say_the_same_however_they_are_reported(tmp_path: Path) -> None:
     home = {"scene_id": "home", "rooms": rooms, "objects": sink, "more_rooms": 0}
     chances = (0.8, 0.8, 0.5)
     looks = [{"room": "kitchen", "thing": "mug", "chance": chance} for chance in chances]
-    told, words, joined = open_graph(home), open_graph(home), open_graph(home)
+    each, words, joined = open_graph(home), open_graph(home), open_graph(home)
     for chance, word in zip(chances, ("mug", "mugs", "mug"), strict=True):
-        told.looked("kitchen", "mug", chance=chance)
+        each.looked("kitchen", "mug", chance=chance)
         words.looked("kitchen", word, chance=chance)
     joined.looked("kitchen", "mug", chance=1 - miss_all(chances))
-    assert told.graph.looks == joined.graph.looks
-    write_belief(told.belief(), tmp_path / "saved.json")
+    assert each.graph.looks == joined.graph.looks
+    write_belief(each.belief(), tmp_path / "saved.json")
     for seen in (
         words,
         joined,
         open_graph({**home, "looks": looks}),
         open_graph(tmp_path / "saved.json"),
     ):
-        assert seen.where("mug")[0].probability == pytest.approx(told.where("mug")[0].probability)
-        assert seen.next_room("mug", here="kitchen") == told.next_room("mug", here="kitchen")
+        assert seen.where("mug")[0].probability == pytest.approx(each.where("mug")[0].probability)
+        assert seen.next_room("mug", here="kitchen") == each.next_room("mug", here="kitchen")

@@ -42,8 +42,8 @@ def at(day: int, hour: int) -> str:
     return f"2026-11-{day:02}T{hour:02}:00:00+01:00"
 
 
-def tell(seen: SeenBuilding, thing: str, room: str, piece: str, **said: Any) -> str:
-    return seen.saw(room, thing, on=f"{room} {piece}", **said)
+def tell(seen: SeenBuilding, thing: str, room: str, piece: str, **facts: Any) -> str:
+    return seen.saw(room, thing, on=f"{room} {piece}", **facts)
 
 
 def chances(seen: SeenBuilding, thing: str) -> dict[str | None, float]:
@@ -54,7 +54,7 @@ def first(seen: SeenBuilding, thing: str) -> tuple[str | None, str | None]:
     """The likeliest room, and the likeliest piece of it."""
     room = str(seen.where(thing)[0].room)
     pieces = [piece for piece in seen.where(thing, within=room) if piece.piece]
-    return room, max(pieces, key=lambda one: one.probability).piece if pieces else None
+    return room, max(pieces, key=lambda piece: piece.probability).piece if pieces else None
 
 
 def test_keys_that_were_on_one_shelf_five_times_are_sought_there(seen: SeenBuilding) -> None:
@@ -158,10 +158,10 @@ def test_a_thing_of_many_places_lists_the_likeliest_and_counts_the_others(
         seen.saw("office", "table", object_id=f"t{number}", time=0, within=0)
         tell(seen, "phone", "office", "desk", object_id="p", time=3600 * 24 * number)
         seen.saw("office", "phone", object_id="p", on=f"t{number}", time=3600 * (24 * number + 9))
-    *places, rest = seen.habits("phone")
+    *places, anywhere = seen.habits("phone")
     assert len(places) == 20
-    assert sum(habit.sightings for habit in (*places, rest)) == 50
-    assert sum(habit.share for habit in (*places, rest)) == pytest.approx(1)
+    assert sum(habit.sightings for habit in (*places, anywhere)) == 50
+    assert sum(habit.share for habit in (*places, anywhere)) == pytest.approx(1)
 
 
 def test_glasses_are_in_the_bath_in_the_morning_and_at_the_bed_at_night(seen: SeenBuilding) -> None:
@@ -223,7 +223,7 @@ def test_no_answer_jumps_as_time_passes(seen: SeenBuilding, thing: str, looked: 
     for hours in [0.01, *[0.1] * 30, *[1.0] * 40]:
         seen.passes(hours)
         rooms = chances(seen, thing)
-        pieces = {one.piece: one.probability for one in seen.where(thing, within="living")}
+        pieces = {piece.piece: piece.probability for piece in seen.where(thing, within="living")}
         pieces = {} if thing in ("towel", "book") else pieces
         if before is not None:
             for now, then in zip((rooms, pieces), before, strict=True):

@@ -28,7 +28,7 @@ from bsg_robot.graph.robot_json import parse_robot_graph, read_robot_graph
 def graph_of(places: list[Any], adjacency: list[tuple[int, int]]) -> PartialGraph:
     """Return a building of rooms a, b, … at some places, None where unknown."""
     rooms = [{"id": chr(97 + n), "position": place} for n, place in enumerate(places)]
-    pairs = [[chr(96 + one), chr(96 + other)] for one, other in adjacency]
+    pairs = [[chr(96 + a), chr(96 + b)] for a, b in adjacency]
     document = {"scene_id": "home", "rooms": rooms, "adjacency": pairs}
     return parse_robot_graph(document, path=Path("graph"))
 
@@ -85,13 +85,13 @@ def test_parts_are_joined_by_the_shortest_edges(places: list[Any], data: st.Data
     """networkx's minimum spanning tree, where edges that are there cost nothing, is as long."""
     rooms = range(1, len(places) + 1)
     every = [(a, b) for a in rooms for b in rooms if a < b]
-    there = data.draw(st.lists(st.sampled_from(every), min_size=1, max_size=8, unique=True))
-    edges = measure_ways(graph_of(places, there)).edges
-    added = sum(edges[a, b] for a, b in every if np.isfinite(edges[a, b]) and (a, b) not in there)
+    joined = data.draw(st.lists(st.sampled_from(every), min_size=1, max_size=8, unique=True))
+    edges = measure_ways(graph_of(places, joined)).edges
+    added = sum(edges[a, b] for a, b in every if np.isfinite(edges[a, b]) and (a, b) not in joined)
     full = nx.Graph()
     for a, b in every:
         line = float(np.linalg.norm(np.subtract(places[a - 1], places[b - 1])))
-        full.add_edge(a, b, weight=0 if (a, b) in there else line)
+        full.add_edge(a, b, weight=0 if (a, b) in joined else line)
     assert added == pytest.approx(nx.minimum_spanning_tree(full).size(weight="weight"))
 
 
@@ -102,7 +102,7 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
     document = {
         "scene_id": "home",
         "rooms": [{"id": name} for name in names],
-        "adjacency": [[one, other] for one, other in pairwise(names)],
+        "adjacency": [[a, b] for a, b in pairwise(names)],
     }
     graph = parse_robot_graph(document, path=Path("graph"))
     ways = measure_ways(graph, {(names[0], names[1]): 0.0})
@@ -115,16 +115,16 @@ def test_nothing_guessed_makes_a_way_shorter_than_it_was_said(data: Any, unit: f
     """And all ways are in the unit of those that are said."""
     every = [(a, b) for a in "abcd" for b in "abcd" if a < b]
     pairs = data.draw(st.lists(st.sampled_from(every), unique=True, min_size=1))
-    said = {ends: data.draw(st.integers(1, 9)) for ends in pairs}
-    there = data.draw(st.lists(st.sampled_from(every), unique=True, max_size=4))
-    graph = graph_of([None] * 4, [(ord(a) - 96, ord(b) - 96) for a, b in there])
-    ways = measure_ways(graph, said)
+    given = {ends: data.draw(st.integers(1, 9)) for ends in pairs}
+    joined = data.draw(st.lists(st.sampled_from(every), unique=True, max_size=4))
+    graph = graph_of([None] * 4, [(ord(a) - 96, ord(b) - 96) for a, b in joined])
+    ways = measure_ways(graph, given)
     alone = nx.Graph()
-    alone.add_weighted_edges_from((a, b, cost) for (a, b), cost in said.items())
-    for a, b in said:
+    alone.add_weighted_edges_from((a, b, cost) for (a, b), cost in given.items())
+    for a, b in given:
         least = nx.shortest_path_length(alone, a, b, weight="weight")
         assert ways.costs[ord(a) - 96, ord(b) - 96] == least
-    scaled = measure_ways(graph, {ends: unit * cost for ends, cost in said.items()})
+    scaled = measure_ways(graph, {ends: unit * cost for ends, cost in given.items()})
     np.testing.assert_allclose(scaled.costs, unit * ways.costs)
 
 
@@ -216,9 +216,9 @@ def test_from_a_room_that_is_not_found_yet_a_way_leads_back_to_rooms_behind_clos
 
 
 def test_a_list_of_costs_is_read_as_python_has_them() -> None:
-    said = [["hall", 7, 3], ["hall", "bath", "closed"], ["bath", "hall", "closed"]]
+    rows = [["hall", 7, 3], ["hall", "bath", "closed"], ["bath", "hall", "closed"]]
     closed = dict.fromkeys([("hall", "bath"), ("bath", "hall")], math.inf)
-    assert read_costs(said) == {("hall", "7"): 3.0, **closed}
+    assert read_costs(rows) == {("hall", "7"): 3.0, **closed}
     assert read_costs(None) is None
     for cost in (-1, math.nan, math.inf, "shut", None, True):
         with refuses(RecipeError, "number-impossible"):
