@@ -13,7 +13,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models bsg_robot $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test all heavy coverage faults sentences lint format docs figures site bench package release test-lowest test-latest audit clean
+.PHONY: help install demo test all heavy coverage faults lint format docs figures site bench package release test-lowest test-latest audit clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -84,9 +84,6 @@ coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them ru
 
 faults: $(INSTALLED) ## Kill, damage and feed everything in full; under an hour.
 	$(PYTEST) --full tests/faults
-
-sentences: $(INSTALLED) ## Write tests/refusals.txt anew: the words of all errors that tests meet.
-	$(BIN)/python -m pytest -n0 --sentences $$(grep -rl 'refuses(' tests --include='test_*.py')
 
 lint: $(INSTALLED) ## Check format, style and types.
 	$(BIN)/ruff format --check .

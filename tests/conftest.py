@@ -17,7 +17,6 @@ from types import ModuleType
 
 import hypothesis
 import pytest
-import refusals
 
 from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
 from bsg_data.dataset.manifest import (
@@ -46,19 +45,6 @@ def stride(request: pytest.FixtureRequest) -> int:
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add what `make faults` asks for."""
     parser.addoption("--full", action="store_true", help="tests/faults: try everything")
-    parser.addoption("--sentences", action="store_true", help="write tests/refusals.txt (with -n0)")
-
-
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Write the sentences of all refusals anew under --sentences."""
-    if session.config.getoption("--sentences"):
-        refusals.GOLDEN.write_text("\n".join(sorted(refusals.SEEN)) + "\n", "utf-8")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Forget the old sentences where new ones are written."""
-    if config.getoption("--sentences"):
-        refusals.GOLDEN.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

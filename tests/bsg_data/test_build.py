@@ -124,7 +124,7 @@ class Odd(HM3DFolder):
 
 def test_an_odd_source_is_named(hm3d_folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with refuses(SourceError, "scene-twice", golden=False):
+    with refuses(SourceError, "scene-twice"):
         build_dataset(Odd(hm3d_folder, like="twice"), out)
     with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene 00000-.* raised KeyError"):
         build_dataset(Odd(hm3d_folder, like="buggy"), out)
@@ -150,14 +150,14 @@ def test_nothing_of_the_users_is_overwritten(
         "dataset": "foreign-file",
         "dataset/deeper": "inside-dataset",
     }.items():
-        with refuses(DatasetError, code, golden=False):
+        with refuses(DatasetError, code):
             build_dataset(HM3DFolder(hm3d_folder), tmp_path / name, force=True)
     shutil.rmtree(dataset / ".build")
-    with refuses(DatasetError, "path-taken", dataset, golden=False):
+    with refuses(DatasetError, "path-taken", dataset):
         build_dataset(HM3DFolder(hm3d_folder), dataset)
     monkeypatch.chdir(dataset / "scenes")
     for name in ("..", str(dataset)):
-        with refuses(DatasetError, "working-folder", dataset, golden=False):
+        with refuses(DatasetError, "working-folder", dataset):
             build_dataset(HM3DFolder(hm3d_folder), name, force=True)
     with pytest.raises(RecipeError):
         build_dataset(HM3DFolder(hm3d_folder), tmp_path / "new", scenes_per_shard=0)

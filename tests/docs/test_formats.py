@@ -220,7 +220,7 @@ def test_a_missing_library_is_told_before_anything_is_asked(
 
     assert choose_format(Path("b.rrd")).name == "rerun"
     monkeypatch.setattr(recording, "find_spec", lambda name: None)
-    with refuses(RecipeError, "library-missing", golden=False):  # it has a path
+    with refuses(RecipeError, "library-missing"):  # it has a path
         write("rerun", iter(lambda: pytest.fail("a graph was asked for"), None), tmp_path / "b.rrd")
     done = call(OFFICE, "--model", run, "--out", tmp_path / "b.rrd", code=2)
     assert "pip install 'docs/examples/formats[rerun]'" in done.stderr

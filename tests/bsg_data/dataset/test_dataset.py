@@ -158,7 +158,7 @@ def test_a_changed_dataset_is_opened_again_and_the_old_one_is_not_called_damaged
     with pytest.raises(DatasetError, match="nowhere"):
         second.cells("nowhere")
     shutil.rmtree(dataset / "objects")
-    with refuses(DatasetError, "file-missing", golden=False):
+    with refuses(DatasetError, "file-missing"):
         second.cells(second.scene_ids[0])
 
 

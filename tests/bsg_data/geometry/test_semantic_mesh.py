@@ -179,5 +179,5 @@ def test_a_mesh_that_is_not_of_the_scene_is_refused(
     tmp_path: Path, mesh: trimesh.Trimesh, code: str
 ) -> None:
     path = write_glb(tmp_path / "mesh.glb", mesh)
-    with refuses(MeshError, code, path, golden=False):
+    with refuses(MeshError, code, path):
         survey_mesh(path, COLOURS)

@@ -41,7 +41,7 @@ def test_whatever_cannot_be_read_is_one_error_of_the_readers_choice(
     (tmp_path / "folder").mkdir()
     (tmp_path / "cut.gz").write_bytes(gzip.compress(os.urandom(99))[:-9])
     (tmp_path / "plain.gz").write_bytes(b"plain")
-    with refuses(DatasetError, "file-unreadable", tmp_path / name, golden=False):
+    with refuses(DatasetError, "file-unreadable", tmp_path / name):
         read_bytes(tmp_path / name, error=DatasetError)
 
 
@@ -62,7 +62,7 @@ def test_a_member_of_a_zip_is_there_once(tmp_path: Path) -> None:
             read_member(path, "table.csv")
     for damaged in (b"", b"PK", data[: len(data) // 2], data.replace(b"PK\x03\x04", b"PK\x03\x05")):
         path.write_bytes(damaged)
-        with refuses(SourceError, "file-unreadable", path, golden=False):
+        with refuses(SourceError, "file-unreadable", path):
             read_member(path, "table.csv")
 
 

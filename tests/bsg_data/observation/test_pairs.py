@@ -92,7 +92,7 @@ def test_workers_can_divide_whole_buildings_of_a_split(
 
 def test_pairs_need_force_to_be_replaced(dataset: Path) -> None:
     manifest = read_manifest(dataset)
-    with refuses(DatasetError, "pairs-exist", where=dataset, golden=False):
+    with refuses(DatasetError, "pairs-exist", where=dataset):
         write_pairs(dataset, PairsRecipe())
     assert read_manifest(dataset) == manifest
 
@@ -102,7 +102,7 @@ def test_a_building_beyond_the_format_is_refused(
 ) -> None:
     monkeypatch.setattr("bsg_data.observation.pairs._MOST", 10)
     before = read_manifest(dataset)
-    with refuses(DatasetError, "building-too-large", "00006-abcdefghi06", golden=False):
+    with refuses(DatasetError, "building-too-large", "00006-abcdefghi06"):
         write_pairs(dataset, PairsRecipe(), force=True)
     assert read_manifest(dataset) == before
     assert check_dataset(dataset) == ()

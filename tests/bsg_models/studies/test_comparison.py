@@ -77,7 +77,7 @@ def test_what_a_reader_must_know_is_noted_and_a_changed_pair_refused(
     copied = shutil.copytree(dataset, dataset.with_name("copied"))  # an open one keeps its files
     (val,), (test,) = (copied.glob(f"pairs/*/{name}-00000.parquet") for name in ("val", "test"))
     shutil.copy(val, test)
-    with refuses(DatasetError, "file-changed", golden=False):
+    with refuses(DatasetError, "file-changed"):
         compare([run], copied, resamples=0)
 
 

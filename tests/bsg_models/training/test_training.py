@@ -182,7 +182,7 @@ def test_what_another_training_left_is_not_gone_on_with(dataset: Path, tmp_path:
     run, other = tmp_path / "run", short("seed=1")
     with pytest.raises(KeyboardInterrupt):
         train_run(short(), dataset, run, progress=stop_at(4))
-    with refuses(TrainingError, "training-other", golden=False):
+    with refuses(TrainingError, "training-other"):
         train_run(other, dataset, run)
     train_run(other, dataset, run, force=True)
     train_run(other, dataset, tmp_path / "alone")
@@ -195,7 +195,7 @@ def test_a_finished_run_is_replaced_as_a_whole_and_by_force_alone(
     run = tmp_path / "run"
     train_run(short(), dataset, run)
     before = {path.name: path.read_bytes() for path in run.iterdir()}
-    with refuses(DatasetError, "path-taken", golden=False):
+    with refuses(DatasetError, "path-taken"):
         train_run(short(), dataset, run)
     with pytest.raises(TrainingError, match=r"is not finite.*lower training\.learning_rate"):
         train_run(short("training.learning_rate=1e30"), dataset, run, force=True)

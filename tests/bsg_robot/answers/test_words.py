@@ -119,7 +119,7 @@ def test_a_thing_with_such_a_word_in_its_name_is_a_thing(word: str) -> None:
     ],
 )
 def test_what_is_no_thing_is_refused_and_only_what_is_near_is_offered(word: str, near: str) -> None:
-    with refuses(RecipeError, "thing-unknown", word, golden=False) as caught:
+    with refuses(RecipeError, "thing-unknown", word) as caught:
         WORDS.understand(word)
     assert str(caught.value).partition("did you mean ")[2].partition("?")[0] == near
 

@@ -249,10 +249,10 @@ def test_what_cannot_be_annotated_is_refused(
         SPARK_DSG.read(path)
     with refuses(HydraError, "dsg-malformed", OFFICE):
         annotate_hydra(make_belief(1), OFFICE, out)
-    with refuses(HydraError, "dsg-unloadable", path, golden=False):  # readable, but not by Hydra
+    with refuses(HydraError, "dsg-unloadable", path):  # readable, but not by Hydra
         annotate_hydra(belief, path, out)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with refuses(HydraError, "library-missing", path, golden=False):
+    with refuses(HydraError, "library-missing", path):
         annotate_hydra(belief, path, out)
     assert [*tmp_path.iterdir()] == [path]
 
@@ -265,7 +265,7 @@ def test_a_binary_graph_is_converted(tmp_path: Path) -> None:
     annotate_hydra(believe_something(graph), binary, tmp_path / "out.json")
     assert SPARK_DSG.read(tmp_path / "out.json") == believe_something(graph)
     binary.write_bytes(b"no graph")
-    with refuses(HydraError, "dsg-unloadable", binary, golden=False):
+    with refuses(HydraError, "dsg-unloadable", binary):
         read_graph(binary)
 
 
@@ -276,7 +276,7 @@ def test_keys_of_somebody_else_are_compared_with_ours_once(tmp_path: Path) -> No
         one["attributes"]["metadata"] = {"bsg": foreign}
     path = write_graph(tmp_path / "dsg.json", graph)
     began = time.process_time()
-    with refuses(RobotGraphError, "key-unknown", golden=False):
+    with refuses(RobotGraphError, "key-unknown"):
         read_graph(path)
     for one in graph["nodes"][1:3]:
         one["attributes"]["metadata"] = {"bsg": {f"tracker {n}": 0 for n in range(20_000)}}

@@ -186,7 +186,7 @@ REMEMBERED = {"id": "1", "category": "mug", "sightings": [[NOW, "hall", None]]}
     ],
 )
 def test_a_memory_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
-    with refuses(RobotGraphError, "graph-malformed", "graph", golden=False):
+    with refuses(RobotGraphError, "graph-malformed", "graph"):
         open_graph({**HOME, **wrong})
 
 

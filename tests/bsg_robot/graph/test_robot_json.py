@@ -165,7 +165,7 @@ FAULTS_OF_THE_SIMPLEST_MAP: list[tuple[Any, str]] = [
     ],
 )
 def test_a_fault_is_at_its_place(said: Any, place: str) -> None:
-    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+    with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
         read(said)
     assert str(caught.value).startswith(f"x: {place}")
     assert "instance of" not in str(caught.value), "words of JSON, not of Python"
@@ -194,7 +194,7 @@ TOO_MUCH: dict[str, Any] = {
 @pytest.mark.parametrize("said", TOO_MUCH.values(), ids=TOO_MUCH)
 def test_a_graph_has_bounds(said: Any) -> None:
     """A small file would ask for more memory or time than a machine has."""
-    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+    with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
         read(said)
     assert "expected at most" in str(caught.value)
 
@@ -211,7 +211,7 @@ def test_what_is_at_its_bound_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
         {"id": "2", "room_type": "attic"},
         {"id": "2", "unread": ["zzz"]},
     ):
-        with refuses(RobotGraphError, "graph-malformed", "x", golden=False):
+        with refuses(RobotGraphError, "graph-malformed", "x"):
             read({"rooms": [*rooms, more]})
     repeated = {"objects": [{"category": LONG}] * 2_001, "looks": [*LOOKS, *LOOKS]}
     graph = read({"rooms": [{"id": "a"}, {"id": "b"}], **repeated})
@@ -516,5 +516,5 @@ def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
     graph = read({**home, "objects": [*pile, bottom]})
     assert (graph.objects[0].on, graph.looks[0].at) == ("1", "5000")
     assert read_again(graph) == graph
-    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
+    with refuses(RobotGraphError, "graph-malformed", where="x"):
         read({**home, "objects": [*pile, bottom | {"on": "0"}]})
