@@ -107,11 +107,11 @@ def _remove_belief(graph: Any) -> None:
         if belief is not None and belief.get("kind") == "blind":
             graph.remove_node(node.id)
         elif belief is not None:
-            _say(node.attributes, {})
+            _put(node.attributes, {})
 
 
-def _say(holder: Any, belief: dict[str, Any]) -> None:
-    """Put a belief into the metadata of a graph or of attributes; an empty one takes its place."""
+def _put(holder: Any, belief: dict[str, Any]) -> None:
+    """Put a belief into the metadata of a graph or of attributes; an empty one removes it."""
     metadata = dict(holder.metadata.get())
     bsg = metadata.get("bsg")
     others = {key: bsg[key] for key in bsg if key != "belief"} if isinstance(bsg, dict) else {}
@@ -122,17 +122,17 @@ def _add_belief(
     graph: Any, belief: BeliefGraph, rooms: Sequence[int], objects: Sequence[int | None]
 ) -> None:
     """Add a belief; `rooms` and `objects` are the nodes of its own, in its order."""
-    _say(graph, {"document": encode_belief(belief)})
+    _put(graph, {"document": encode_belief(belief)})
     classes = belief.partial.class_space.classes
     counts = zip(rooms, belief.expected[1:].tolist(), belief.presence[1:].tolist(), strict=True)
     for room, expected, presence in counts:
         tables = {"expected": expected, "presence": presence}
         histograms = {name: dict(zip(classes, row, strict=True)) for name, row in tables.items()}
-        _say(graph.get_node(room).attributes, histograms)
+        _put(graph.get_node(room).attributes, histograms)
     for node, obj in zip(objects, belief.partial.objects, strict=True):
         if node is not None:
             name = None if obj.class_index is None else classes[obj.class_index]
-            _say(graph.get_node(node).attributes, {"category": obj.category, "class": name})
+            _put(graph.get_node(node).attributes, {"category": obj.category, "class": name})
     if belief.blind:
         _add_blind(graph, belief, rooms)
 
@@ -152,15 +152,9 @@ def _add_blind(graph: Any, belief: BeliefGraph, rooms: Sequence[int]) -> None:
         attributes.position = graph.get_node(room).attributes.position
         attributes.color = _GREEN
         attributes.is_predicted = True
-        expectation = {
-            "class": attributes.name,
-            "expected": node.expected,
-            "presence": node.presence,
-        }
-        _say(
-            attributes,
-            {"kind": "blind", **expectation, **({} if node.on is None else {"on": node.on})},
-        )
+        expected = {"expected": node.expected, "presence": node.presence}
+        on = {} if node.on is None else {"on": node.on}
+        _put(attributes, {"kind": "blind", "class": attributes.name, **expected, **on})
         graph.add_node(_LAYER, symbol, attributes)
         graph.insert_edge(room, symbol)
 
