@@ -54,7 +54,7 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
     """
     try:
         from bsg_robot.service.http import listen
-        from bsg_robot.service.stdio import speak
+        from bsg_robot.service.tools import speak
     except ModuleNotFoundError as error:
         if str(error.name).startswith("bsg_"):
             raise
@@ -81,7 +81,6 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
             return
         with _open_door(host, port) as door:
             shown = f"[{host}]" if ":" in host else host
-
             print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
             if host in _EVERYWHERE and not names:
                 print_note("others are refused until --allow-host says how they call this machine")

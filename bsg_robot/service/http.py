@@ -46,7 +46,7 @@ def make_app(answer: Answering, *, hosts: Sequence[str] = LOCAL) -> FastAPI:
         hosts: names in lower case by which this machine may be asked.
     """
     server = make_server(answer)
-    # Every POST is answered alone, without sessions or streams; `check_host` has checked it.
+    # Every POST is answered alone, without sessions or streams; `_checking_host` has checked it.
     mcp = server.streamable_http_app(
         json_response=True,
         stateless_http=True,
@@ -67,8 +67,24 @@ def make_app(answer: Answering, *, hosts: Sequence[str] = LOCAL) -> FastAPI:
     app.exception_handler(HTTPException)(_explain_path)
     app.exception_handler(Exception)(_confess)
 
+    app.middleware("http")(_checking_host(hosts))
+    for path, question in QUESTIONS.items():
+        schema = {"schema": question.asks.model_json_schema()}
+        body = {"required": True, "content": {"application/json": schema}}
+        app.post(
+            f"/{path}",
+            operation_id=path,
+            description=question.asks.__doc__,
+            responses={200: {"model": question.answers}},
+            openapi_extra={"requestBody": body},
+        )(_answering(answer, path))
+    return app
+
+
+def _checking_host(hosts: Sequence[str]) -> Callable[[Request, Any], Awaitable[Any]]:
+    """Refuse pages of other names, also of one that leads to this machine (DNS rebinding)."""
+
     async def check_host(request: Request, call_next: Any) -> Any:
-        """Refuse pages of other names, also of one that leads to this machine (DNS rebinding)."""
         origin = request.headers.get("origin", "").rpartition("://")[2]
         for host in (request.headers.get("host") or "none", *filter(None, [origin])):
             if _PORT.sub("", host).lower() not in hosts:
@@ -79,19 +95,7 @@ def make_app(answer: Answering, *, hosts: Sequence[str] = LOCAL) -> FastAPI:
                 return _respond(refuse(400, fault, code="host-unknown", where=host[:SHOWN]))
         return await call_next(request)
 
-    app.middleware("http")(check_host)
-    for path, question in QUESTIONS.items():
-        schema = {"schema": question.asks.model_json_schema()}
-        app.post(
-            f"/{path}",
-            operation_id=path,
-            description=question.asks.__doc__,
-            responses={200: {"model": question.answers}},
-            openapi_extra={
-                "requestBody": {"required": True, "content": {"application/json": schema}}
-            },
-        )(_answering(answer, path))
-    return app
+    return check_host
 
 
 def _answering(answer: Answering, path: str) -> Callable[[Request], Awaitable[Response]]:
@@ -157,7 +161,7 @@ def listen(model: str, door: socket.socket, *, hosts: Sequence[str] = ()) -> Non
     """
     pool = Pool(model)
     config = uvicorn.Config(
-        make_app(pool.answer, hosts=(*LOCAL, *hosts)),
+        make_app(pool.answer, hosts=(*LOCAL, *map(str.lower, hosts))),
         http="h11",
         ws="none",
         lifespan="on",

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from collections.abc import Awaitable, Callable
 from importlib.metadata import version
 from typing import Any
 
+import anyio
 import mcp_types as types
 from mcp.server.lowlevel import Server
+from mcp.server.stdio import stdio_server
 
 from bsg_data.files import encode_json
+from bsg_robot.service.pool import Pool
 from bsg_robot.service.questions import QUESTIONS, Answer
 
 Answering = Callable[[str, bytes], Awaitable[Answer]]
@@ -65,3 +70,21 @@ def make_server(answer: Answering) -> Server[Any]:
 def _refuse(fault: str) -> types.CallToolResult:
     text = types.TextContent(type="text", text=fault)
     return types.CallToolResult(content=[text], is_error=True)
+
+
+def speak(model: str, note: Callable[[str], None]) -> None:
+    """Answer an agent until it leaves, or the process is asked to end, which is noted."""
+
+    def end(number: int, _: object) -> None:
+        # At once: a thread that waits for the agent would keep the process.
+        note("asked to end" if number == signal.SIGTERM else "interrupted")
+        os._exit(128 + number)  # as a shell says it
+
+    async def run() -> None:
+        server = make_server(Pool(model).answer)
+        async with stdio_server() as streams:
+            await server.run(*streams, server.create_initialization_options())
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, end)
+    anyio.run(run)
