@@ -176,10 +176,10 @@ class Dictionary:
 
     def _find_noun(self, word: str) -> Meaning | None:
         """Return a noun that is no part of the building, room, person, colour or event."""
-        said = name_only(word)
-        noun = self._nouns.find(said) if self._nouns else None
-        role = self.own.class_map.classify(said).role
-        if noun is None or role == "structure" or is_room(said) or self._kind_of(said):
+        plain = name_only(word)
+        noun = self._nouns.find(plain) if self._nouns else None
+        role = self.own.class_map.classify(plain).role
+        if noun is None or role == "structure" or is_room(plain) or self._kind_of(plain):
             return None
         by_head = "" if split_head(noun.name) == ([], noun.head) else f"its word {noun.head!r} and "
         how = (
@@ -193,10 +193,10 @@ class Dictionary:
         """No help for a model that everybody may use, because it is for research."""
         return None if self.own.is_free else read_nouns()
 
-    def _kind_of(self, said: str) -> str | None:
+    def _kind_of(self, plain: str) -> str | None:
         """Return what a word is that names no thing, if the class map does not know it."""
-        is_unknown = self.own.class_map.classify(said).role in ("unmapped", "nameless")
-        return find_kind(said) if is_unknown else None
+        is_unknown = self.own.class_map.classify(plain).role in ("unmapped", "nameless")
+        return find_kind(plain) if is_unknown else None
 
     def _classify(self, word: str) -> Meaning | None:
         """Return the class of a word by the map of the model; None if it has none."""
@@ -225,9 +225,9 @@ class Dictionary:
 
     def _refuse(self, word: str) -> RecipeError:
         """Return the error for a word that means no thing; it says what may have been meant."""
-        said = name_only(word)
-        role, kind = self.own.class_map.classify(said).role, self._kind_of(said)
-        near = () if kind else self._near(said)
+        plain = name_only(word)
+        role, kind = self.own.class_map.classify(plain).role, self._kind_of(plain)
+        near = () if kind else self._near(plain)
         if kind is not None:
             article = "an" if kind[0] in "aeiou" else "a"
             why = f"it is the word for {article} {kind}, and models look for things"
@@ -241,9 +241,9 @@ class Dictionary:
             where=word,
         )
 
-    def _near(self, said: str) -> tuple[str, ...]:
+    def _near(self, plain: str) -> tuple[str, ...]:
         """Return names of things and classes, or else of nouns, that are spelled alike."""
-        class_map, word = self.own.class_map, normalise_name(said)
+        class_map, word = self.own.class_map, normalise_name(plain)
         # Corrected names of the map, because published spellings have errors.
         counted = (
             one.category for one in class_map.entries.values() if one.class_index is not None
@@ -252,7 +252,7 @@ class Dictionary:
         names += map(normalise_name, (*map(str, counted), *class_map.classes))
         if near := nearest_names(word, names):
             return near
-        is_unmapped = class_map.classify(said).role == "unmapped" and len(word) > SHORT
+        is_unmapped = class_map.classify(plain).role == "unmapped" and len(word) > SHORT
         nouns = self._nouns.known if self._nouns and is_unmapped else ()
         return tuple(islice((noun for noun in nouns if is_typo(word, noun)), _OFFERED))
 

@@ -124,9 +124,9 @@ def _is_listed(name: str) -> bool:
     return find_thing(name) is not None or load_class_map().lists(name)
 
 
-def is_room(said: str) -> bool:
+def is_room(name: str) -> bool:
     """Say whether a word is listed as a kind of room; dinner is none, by a rule or not."""
-    read = read_room(said)
+    read = read_room(name)
     return read.label is not None and read.rule is None
 
 
@@ -136,14 +136,14 @@ def _read_kinds() -> Mapping[str, str]:
     return dict(zip(*read_table(_NO_THINGS).values(), strict=True))
 
 
-def find_kind(said: str) -> str | None:
+def find_kind(name: str) -> str | None:
     """Return what a word is that names no thing: a person, an animal, a colour, an event.
 
     An old man is a person, but a fire blanket is no event.
     """
-    if len(said) > LONGEST:
+    if len(name) > LONGEST:
         return None
-    before, head = split_head(said)
+    before, head = split_head(name)
     kinds = (_read_kinds().get(form) for form in (head, *singulars(head)))
     kind = next(filter(None, kinds), None)
     return kind if kind == "person" or not before else None
@@ -161,24 +161,24 @@ def find_everyday(word: str) -> Thing | None:
 
 def _find_listed(word: str) -> Thing | None:
     """Return the thing that a name is listed as."""
-    said = name_only(word)
-    before, head = split_head(said)
-    if thing := find_thing(said) or find_thing(" ".join([*before, head])):
+    plain = name_only(word)
+    before, head = split_head(plain)
+    if thing := find_thing(plain) or find_thing(" ".join([*before, head])):
         return thing
-    known = load_class_map().classify(said)
+    known = load_class_map().classify(plain)
     # Other names may be read as a wider thing: a mattress is a bed to the class map.
     is_renamed = known.role == "left-out" or known.rule not in (None, "head noun", "spelling")
     return find_thing(str(known.category)) if is_renamed else None
 
 
 def _find_mended(word: str) -> Thing | None:
-    said = name_only(word)
-    known = load_class_map().classify(said)
+    plain = name_only(word)
+    known = load_class_map().classify(plain)
     if known.rule == "spelling" and (thing := find_thing(str(known.category))):
         return thing
     if known.rule != "spelling" and known.role != "unmapped":
         return None
-    near = sorted(_read_spellings().mend(normalise_name(said), real=read_real_words()))
+    near = sorted(_read_spellings().mend(normalise_name(plain), real=read_real_words()))
     return next(filter(None, map(find_thing, near)), None)
 
 
@@ -195,10 +195,10 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     """
     if len(word) > LONGEST or find_everyday(word):
         return None, ()
-    said, class_map = name_only(word), load_class_map()
-    known = class_map.classify(said)
+    plain, class_map = name_only(word), load_class_map()
+    known = class_map.classify(plain)
     is_known = known.role != "unmapped" and known.rule != "head noun"
-    before, head = split_head(str(known.category) if is_known and known.rule else said)
+    before, head = split_head(str(known.category) if is_known and known.rule else plain)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
         name, more = " ".join([*before[number:], head]), tuple(before[:number])
         if thing := _find_listed(name):
@@ -209,7 +209,7 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
             return thing, more
     if known.role == "left-out":  # of no class of ours, but perhaps of one of the 170
         wide = load_class_map(WIDE_MAP)
-        index = wide.classify(said).class_index
+        index = wide.classify(plain).class_index
         return (None, ()) if index is None else (find_thing(wide.classes[index]), tuple(before))
     return None, ()
 
