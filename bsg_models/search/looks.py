@@ -29,12 +29,12 @@ from typing import TypeVar
 
 from bsg_data.arrays import Floats
 
+_Share = TypeVar("_Share", float, Floats)
 USUAL_WAY = 4.2  # metres between rooms that connect: the mean of 688 in 50 layouts of HM3D
 USUAL_AREA = 12.0  # square metres of a room of unknown size: the median of 712 in these layouts
 ROOM, PIECE = 0.12, 0.16  # h of looks into a room, and at a piece of furniture
 _FIRST, _GROWTH = 3.1, 0.57
 _LEAST = 1.0  # metre: a robot stops to look
-_Numbers = TypeVar("_Numbers", float, Floats)
 
 
 def metres_of_look(area: float | None, *, share: float = 1.0) -> float:
@@ -69,14 +69,9 @@ def miss_all(chances: Iterable[float], *, overlooked: float = ROOM) -> float:
     return overlooked + seen * math.prod(1 - chance / seen for chance in some)
 
 
-def doubt(likely: _Numbers, missed: _Numbers) -> _Numbers:
-    """Return P(a thing is there) after looks that did not find it, by Bayes' rule.
-
-    Args:
-        likely: P(it is there), before.
-        missed: P(the looks miss it, if it is there).
-    """
-    return likely * missed / (1 - likely + likely * missed)
+def doubt(presence: _Share, missed: _Share) -> _Share:
+    """Return P(it is there), by Bayes' rule, once looks missed what they miss with P(`missed`)."""
+    return presence * missed / (1 - presence + presence * missed)
 
 
 def overlooked_at(piece: str | None) -> float:

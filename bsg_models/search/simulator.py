@@ -28,7 +28,7 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
-from bsg_models.search.looks import doubt, miss_all
+from bsg_models.search.looks import miss_all
 from bsg_models.search.planners import ask_planner
 from bsg_models.search.plans import plan_tours
 
@@ -275,4 +275,5 @@ class _Run:
         looks = self.looks[rows, :, None]
         before = np.where(looks == 0, now, self.before[part, rows])
         self.before[part, rows] = before
-        return doubt(before, self.episodes.missed(looks))
+        missed = self.episodes.missed(looks)
+        return np.asarray(before * missed / (1 - before + before * missed))
