@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -49,22 +49,10 @@ class Knowledge:
     look: Floats | None = None
     again: Floats | None = None
 
-    def take(self, which: Ints | Bools) -> Knowledge:
-        """Return what some of the robots know."""
-        known = {field.name: getattr(self, field.name) for field in fields(self)}
-        shared = ("task", "ways")  # by all searches of the building
-        arrays = {n: v[which] for n, v in known.items() if v is not None and n not in shared}
-        return replace(self, **arrays)
-
     @property
     def distance(self) -> Floats:
         """Cost of going to each node, `[E, N]`."""
         return np.asarray(self.ways[self.rows, self.here])
-
-    @property
-    def costs(self) -> Floats:
-        """Cost of the cheapest way between any two nodes, `[E, N, N]`."""
-        return np.asarray(self.ways[self.rows])
 
     @property
     def any_presence(self) -> Floats:
