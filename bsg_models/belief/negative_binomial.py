@@ -106,7 +106,7 @@ def log_normaliser(
 
 def log_negative_binomial(counts: Any, mean: Array, dispersion: Any) -> Array:
     """Return log P(counts) for μ > 0, r > 0; arguments broadcast."""
-    log_p: Array = log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
+    log_p: Array = _log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
     return log_p
 
 
@@ -116,7 +116,7 @@ def log_none(mean: Array, dispersion: Any) -> Array:
     return none
 
 
-def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
+def _log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
     """Return log P(counts) − log P(0); most counts are 0 and do not need it."""
     xp = library_of(mean)
     power = counts * (xp.log(mean) - xp.log(mean + dispersion))
@@ -135,7 +135,7 @@ def log_counts(
         log_p = log_p + tilt * (counts == count)
     flat = mean.shape[0], -1
     some = (part.reshape(flat)[:, positive] for part in (mean, dispersion))
-    beyond = log_beyond_none(counts.reshape(-1)[positive], *some)
+    beyond = _log_beyond_none(counts.reshape(-1)[positive], *some)
     whole: Array = add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
     return whole
 
