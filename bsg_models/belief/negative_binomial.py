@@ -106,7 +106,7 @@ def log_normaliser(
 
 def log_negative_binomial(counts: Any, mean: Array, dispersion: Any) -> Array:
     """Return log P(counts) for μ > 0, r > 0; arguments broadcast."""
-    log_p: Array = log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
+    log_p: Array = _log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
     return log_p
 
 
@@ -116,7 +116,7 @@ def log_none(mean: Array, dispersion: Any) -> Array:
     return none
 
 
-def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
+def _log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
     """Return log P(counts) − log P(0); most counts are 0 and do not need it."""
     xp = library_of(mean)
     power = counts * (xp.log(mean) - xp.log(mean + dispersion))
@@ -135,9 +135,9 @@ def log_counts(
         log_p = log_p + tilt * (counts == count)
     flat = mean.shape[0], -1
     some = (part.reshape(flat)[:, positive] for part in (mean, dispersion))
-    beyond = log_beyond_none(counts.reshape(-1)[positive], *some)
-    log_p = add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
-    return log_p
+    beyond = _log_beyond_none(counts.reshape(-1)[positive], *some)
+    whole: Array = add_rows(log_p.reshape(flat).T, positive, beyond.T).T.reshape(mean.shape)
+    return whole
 
 
 def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Array]) -> Array:
@@ -148,8 +148,8 @@ def none_seen(share: Array, mean: Array, dispersion: Array, gains: Sequence[Arra
     none: Array = np.exp(log_none(np.maximum((1 - share) * mean, _LEAST), dispersion))
     for count, gain in enumerate(gains):
         none = none + share**count * gain
-    none = none / np.maximum(1 + sum(gains), TINY)
-    return none
+    normalised: Array = none / np.maximum(1 + sum(gains), TINY)
+    return normalised
 
 
 def log_seen(seen: Any, share: Array, mean: Array, dispersion: Array, tilts: Array | None) -> Array:
@@ -159,8 +159,8 @@ def log_seen(seen: Any, share: Array, mean: Array, dispersion: Array, tilts: Arr
         return log_p
     hidden = hidden_posterior(dispersion, dispersion / mean, seen, share)
     of_hidden = log_normaliser(hidden_tilts(tilts, seen), *hidden)
-    log_p = log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
-    return log_p
+    tilted: Array = log_p + of_hidden - log_normaliser(tilts, mean, dispersion)
+    return tilted
 
 
 def _log_rising(counts: Any, dispersion: Any) -> Any:

@@ -24,10 +24,10 @@ _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # several refrigerators, and a home was believed to have another with .13, now with .05.
 _MARK_SCALE = 4.0
 _Singles = npt.NDArray[np.float32]
-_Form = TypeVar("_Form", bound="Arrays")
+_Form = TypeVar("_Form", bound="_Arrays")
 
 
-class Arrays:
+class _Arrays:
     """A dataclass of arrays, which may be nested."""
 
     def to(self: _Form, device: Any) -> _Form:
@@ -37,7 +37,7 @@ class Arrays:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Nodes(Arrays):
+class Nodes(_Arrays):
     """N nodes of interest of B buildings, C classes; a building's rows are its own, then rooms."""
 
     x: Array  # [N, C] counts that were seen
@@ -124,7 +124,7 @@ def list_edges(seen: Observation, edges: Collection[str]) -> Ints:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Neighbours(Arrays):
+class Neighbours(_Arrays):
     """The neighbours of every node, as weights of three sums instead of a list of edges.
 
     If every room sees every other, R rooms have R (R − 1) edges: 9 million for 3,000 rooms.
@@ -252,7 +252,7 @@ def _move(value: Any, device: Any) -> Any:
     """
     if isinstance(value, dict):
         return {name: _move(part, device) for name, part in value.items()}
-    if isinstance(value, Arrays):
+    if isinstance(value, _Arrays):
         return value.to(device)
     if isinstance(value, np.ndarray):
         import torch  # only trainings come here

@@ -77,7 +77,7 @@ class _Done:
         return patience is not None and sum(r.val_loss is not None for r in later) >= patience
 
 
-class GradientSteps:
+class _GradientSteps:
     """The steps of a training, on a device.
 
     Args:
@@ -187,7 +187,7 @@ def train_network(
     masked = validation_buildings(config, data, vocabulary=network.vocabulary)
     validation = [network.read(part.seen, part.targets) for part in masked.batches(BATCH)]
     network.fit(data, config.data)
-    steps = GradientSteps(network, config, device=device)
+    steps = _GradientSteps(network, config, device=device)
     done = steps.restore(unfinished, data)
     saved = time.monotonic()
     write_bytes(metrics, encode_metrics(done.reports).encode())

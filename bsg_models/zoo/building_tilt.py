@@ -61,7 +61,7 @@ def share_to_tilt(seen: Observation, *, reads_labels: bool) -> Floats:
     return np.where(around.sources == UNKNOWN, share, 1.0)[:, None]
 
 
-def tilt_buildings(log_none: Array, seen: Array, line: Array) -> Array:
+def _tilt_buildings(log_none: Array, seen: Array, line: Array) -> Array:
     """Return the tilts a of B buildings, `[B, A]`.
 
     Args:
@@ -97,12 +97,12 @@ def tilt(
         presence: `[M, A]` of independent rooms.
         building: `[M]` of each room.
         seen: `[B, A]` whether one of the class was seen in the building.
-        line: as of `tilt_buildings`.
+        line: as of `_tilt_buildings`.
         share: `[B, 1]` of the tilt that each building gets.
     """
     none = log_none_of(presence)
-    log_none = sum_by_building(none, building, len(seen))
-    tilts = tilt_buildings(log_none, seen, line) * share
+    log_none = _sum_by_building(none, building, len(seen))
+    tilts = _tilt_buildings(log_none, seen, line) * share
     return tilts, log_none, tilt_rooms(tilts[building], log_none[building], none)
 
 
@@ -125,7 +125,7 @@ def untilt(rooms: Floats, whole: Floats) -> Floats:
     return np.where((rooms > _FEW).sum(axis=0) > 1, (low + high) / 2, 1.0)
 
 
-def sum_by_building(values: Array, building: Array, number: int) -> Array:
+def _sum_by_building(values: Array, building: Array, number: int) -> Array:
     """Return the sums over rooms `[M, A]` of each of some buildings, `[number, A]`."""
     if not isinstance(values, np.ndarray):  # of torch: a file of another program asks of one
         return values.sum(axis=0, keepdims=True)
@@ -149,8 +149,8 @@ def fit_building_tilt(presence: Floats, masked: MaskedBuildings, share: Floats) 
     """
     seen = masked.seen
     rooms = ~seen.is_building
-    log_none = sum_by_building(log_none_of(presence[rooms]), seen.building[rooms], len(seen))
-    hidden = sum_by_building(masked.hidden[rooms].astype(float), seen.building[rooms], len(seen))
+    log_none = _sum_by_building(log_none_of(presence[rooms]), seen.building[rooms], len(seen))
+    hidden = _sum_by_building(masked.hidden[rooms].astype(float), seen.building[rooms], len(seen))
     first = seen.starts[:-1]
     _, place = np.unique(seen.scene_ids, return_inverse=True)
     weight = 1 / np.bincount(place)[place]

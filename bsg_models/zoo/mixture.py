@@ -142,7 +142,7 @@ class _RoomTypeMixture(CalibratedModel):
             habits = np.full(counts.shape[1], _NAMED_HABIT)
         else:
             fitted = self._find_types(counts)
-            odds = fit_labels(fitted.belonging(counts), labels)
+            odds = fit_labels(fitted.weigh(counts)[0], labels)
             habits = _fit_habits(counts, building, fitted)
         self.hold(
             log_types=fitted.log_types,
@@ -349,7 +349,7 @@ def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:
     known = np.ones(totals.shape, dtype=bool)
     known[building] = counts != MISSING
     np.add.at(totals, building, np.where(known[building], counts, 0))
-    np.add.at(rooms, building, fitted.belonging(counts))
+    np.add.at(rooms, building, fitted.weigh(counts)[0])
     expected = rooms @ fitted.expected
     columns = zip(totals.T, expected.T, known.T, strict=True)
     return np.array([fit_habit(t[own], e[own]) for t, e, own in columns])

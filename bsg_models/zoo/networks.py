@@ -106,7 +106,7 @@ class CountNetwork(CalibratedModel):
             **linear_weights("enter.1", self.features.width, config.width),
         }
         for number in range(config.depth):
-            self.shapes |= convolution_weights(f"convolutions.{number}", config.width)
+            self.shapes |= _convolution_weights(f"convolutions.{number}", config.width)
             self.shapes |= norm_weights(f"norms.{number}", config.width)
         self.weights: State = {
             name: np.full(weight.shape, weight.value, dtype=np.float32)
@@ -263,7 +263,7 @@ class PriorHead:
         return Posterior(*hidden, log_weight, hidden_tilts(tilts, seen))
 
 
-def convolution_weights(name: str, width: int) -> dict[str, Weight]:
+def _convolution_weights(name: str, width: int) -> dict[str, Weight]:
     """Return the weights of `convolve`, by the names that PyG gives them."""
     of_mean = linear_weights(f"{name}.lin_l", width, width)
     return of_mean | linear_weights(f"{name}.lin_r", width, width, bias=False)

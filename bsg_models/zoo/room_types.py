@@ -54,20 +54,13 @@ class FittedTypes:
         """Mean counts with tilts, `[K, C]`."""
         return tilted_means(self.means, self.dispersions, self.tilts)
 
-    def belonging(self, counts: Rooms) -> Floats:
-        """Return P(type | room), `[R, K]`, of rooms `[R, C]`, with counts up to `MOST`."""
-        return self._ask(counts)[0]
-
-    def log_probability(self, counts: Rooms) -> Floats:
-        """Return log P(room), `[R]`, of rooms `[R, C]`, with counts up to `MOST`."""
-        return self._ask(counts)[1]
-
-    def _ask(self, counts: Rooms) -> tuple[Floats, Floats]:
+    def weigh(self, counts: Rooms) -> tuple[Floats, Floats]:
+        """Return P(type | room) `[R, K]` and log P(room) `[R]` of rooms `[R, C]`, up to `MOST`."""
         width = max(int(counts.max(initial=0)) + 1, len(self.tilts), 2)
-        return self.ask(_mark(counts, width), width)
+        return self.weigh_marked(_mark(counts, width), width)
 
-    def ask(self, marked: csr_array, width: int) -> tuple[Floats, Floats]:
-        """Return P(type | room) `[R, K]` and log P(room) `[R]` of rooms as `_mark` returns them."""
+    def weigh_marked(self, marked: csr_array, width: int) -> tuple[Floats, Floats]:
+        """Return the same of rooms as `_mark` returns them."""
         table = self.tabulate(width)
         none = table[..., 0]
         beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
@@ -115,7 +108,7 @@ def fit_types(
     dispersions, tilts = np.ones(shape), np.zeros((tilted, *shape))
     fitted = _fit_sums(_sum_rooms(marked, membership, width), dispersions, tilts)
     for _ in range(1, iterations):
-        sums = _sum_rooms(marked, fitted.ask(marked, width)[0], width)
+        sums = _sum_rooms(marked, fitted.weigh_marked(marked, width)[0], width)
         fitted = _fit_sums(sums, fitted.dispersions, fitted.tilts)
     return fitted
 

@@ -160,10 +160,8 @@ def test_metrics_grow_beside_the_run_while_it_is_trained(dataset: Path, tmp_path
 
 
 def test_patience_ends_a_training_that_gets_no_better(dataset: Path, tmp_path: Path) -> None:
-    """Also one that was stopped, and goes on."""
     settings = ("training.epochs=60", "training.validate_every=1", "training.learning_rate=0.2")
-    config, run = short(*settings, "training.patience=3"), tmp_path / "stopped"
-    whole = train_run(config, dataset, tmp_path / "whole")
+    whole = train_run(short(*settings, "training.patience=3"), dataset, tmp_path / "whole")
     assert len(whole) < 60
     assert len(whole) - whole[-1].best_epoch == 3
     record = read_record(tmp_path / "whole")
@@ -171,11 +169,6 @@ def test_patience_ends_a_training_that_gets_no_better(dataset: Path, tmp_path: P
     assert f"stopped after epoch {len(whole)}" in record.notes[0]
     patient = train_run(short(*settings), dataset, tmp_path / "patient")
     assert [r.val_loss for r in patient[: len(whole)]] == [r.val_loss for r in whole]
-    for epoch in (whole[-1].best_epoch + 1, len(whole)):
-        with pytest.raises(KeyboardInterrupt):
-            train_run(config, dataset, run, progress=stop_at(epoch))
-    train_run(config, dataset, run)
-    assert (run / BEST).read_bytes() == (tmp_path / "whole" / BEST).read_bytes()
 
 
 def test_what_another_training_left_is_not_gone_on_with(dataset: Path, tmp_path: Path) -> None:
