@@ -13,7 +13,7 @@ from bsg_data.errors import BSGError
 
 # What was expected or found, or what to do: in words, as an advice behind a semicolon or a dash,
 # as a command, or as a question of what was meant.
-SAYS_MORE = re.compile(r"\b(expected|found|known|give|name|use|run)\b|[;?]|`", re.IGNORECASE)
+SAYS_MORE = re.compile(r"\b(expected|found|known|give|name|use|run|install)\b|[;?]|`", re.IGNORECASE)
 
 
 @contextmanager

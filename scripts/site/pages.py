@@ -166,7 +166,8 @@ def public_names() -> dict[str, list[str]]:
                 room = f"{package}.{module.split('.')[0]}" if "." in module else package
                 names = [f"{package}.{module}.{alias.name}" for alias in node.names]
                 rooms.setdefault(room, []).extend(names)
-        rooms[f"{package}.testing"] = [f"{package}.testing"]
+        if (REPOSITORY / package / "testing.py").exists():
+            rooms[f"{package}.testing"] = [f"{package}.testing"]
     return {room: sorted(rooms[room], key=_last) for room in sorted(rooms)}
 
 
