@@ -1,4 +1,4 @@
-"""Refusals: a test asserts the code and the place of an error; what its sentence says is one law."""
+"""Refusals: a test asserts code and place of an error; what its sentence says is one law."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from bsg_data.errors import BSGError
 
 # What was expected or found, or what to do: in words, as an advice behind a semicolon or a dash,
 # as a command, or as a question of what was meant.
-SAYS_MORE = re.compile(r"\b(expected|found|known|give|name|use|run|install)\b|[;?]|`", re.IGNORECASE)
+SAYS_MORE = re.compile(
+    r"\b(expected|found|known|give|name|use|run|install)\b|[;?]|`", re.IGNORECASE
+)
 
 
 @contextmanager
