@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 DEMO_INSTALLED := $(VENV)/.demo-installed
 INSTALLED := $(VENV)/.installed
 DEMO := demo
+HEAVY := tests
 # One test process for each core, and one thread in each: more threads would wait for one another.
 # A process that has no more tests takes some of another. What Python compiled is
 # kept even where it is told not to: a test that starts processes would compile anew in each.
@@ -75,8 +76,8 @@ test: $(INSTALLED) lint ## Check format, style, types and behaviour: what to run
 all: $(INSTALLED) lint ## Run every check, with site, tutorials, wheel, Dask, browser, fuzz and kills.
 	$(PYTEST) --doctest-modules $(TESTED)
 
-heavy: $(INSTALLED) ## Run what `make all` has besides `make test`.
-	$(PYTEST) -m heavy tests
+heavy: $(INSTALLED) ## Run what `make all` has besides `make test`; HEAVY=tests/docs is a part.
+	$(PYTEST) -m heavy $(HEAVY)
 
 coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
 	$(PIP) 'pytest-cov>=5,<8'

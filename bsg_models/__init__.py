@@ -4,7 +4,9 @@ The public names are in `__init__.pyi`. Each is imported when it is first asked 
 `import bsg_models` does not wait for torch.
 """
 
+import importlib
 import warnings
+from typing import Any
 
 import lazy_loader
 
@@ -13,4 +15,13 @@ import lazy_loader
 warnings.filterwarnings(
     "ignore", "`torch.jit.script` is deprecated", category=FutureWarning, append=True
 )
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_OF_ROBOTS = ("open_graph", "write_belief")  # what people ask first is found here, too
+__all__ = sorted((*__all__, *_OF_ROBOTS))
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public name; nothing in this package imports bsg_robot."""
+    return (
+        getattr(importlib.import_module("bsg_robot"), name) if name in _OF_ROBOTS else _load(name)
+    )

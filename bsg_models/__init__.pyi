@@ -1,3 +1,5 @@
+import bsg_robot
+
 from .belief.belief_graph import BeliefGraph, believe
 from .belief.count_distribution import CountDistribution
 from .belief.expectation import Expectation
@@ -28,6 +30,9 @@ from .training.training import train_run
 from .zoo.config import find_config
 from .zoo.model import BeliefModel
 from .zoo.settings import DataConfig, ModelConfig, TrainingConfig
+
+open_graph = bsg_robot.open_graph  # lazy_loader reads relative imports alone
+write_belief = bsg_robot.write_belief
 
 __all__ = [
     "DEFAULT_MODEL",
@@ -63,10 +68,12 @@ __all__ = [
     "make_leaderboard",
     "mask_scene",
     "next_room",
+    "open_graph",
     "read_split",
     "restore_model",
     "scenes_of",
     "study_search",
     "to_pyg",
     "train_run",
+    "write_belief",
 ]

@@ -43,7 +43,6 @@ SOURCES = {
     ".xml": "xml",
 }  # shown as code, by its language
 PACKAGES = ("bsg_data", "bsg_models", "bsg_robot")
-OF_NO_ROOM = ("testing", "bsg_data.testing")  # a page of its own
 _IN_ORDER: list[Page] = []
 SHIM = "assets/iframe-worker.js"
 _SHIM = "https://unpkg.com/iframe-worker/shim"
@@ -158,13 +157,12 @@ def public_names() -> dict[str, list[str]]:
     """
     rooms: dict[str, list[str]] = {}
     for package in PACKAGES:
-        listed = (REPOSITORY / package / "__init__.pyi", REPOSITORY / package / "extend.py")
-        trees = [ast.parse(path.read_text("utf-8")) for path in listed if path.exists()]
-        for node in (node for tree in trees for node in tree.body):
-            if isinstance(node, ast.ImportFrom) and node.module not in OF_NO_ROOM:
-                module = str(node.module).removeprefix(f"{package}.")
-                room = f"{package}.{module.split('.')[0]}" if "." in module else package
-                names = [f"{package}.{module}.{alias.name}" for alias in node.names]
+        stubs = sorted((REPOSITORY / package).glob("*.pyi"))  # the root's, and `extend`
+        for node in (node for path in stubs for node in ast.parse(path.read_text("utf-8")).body):
+            if isinstance(node, ast.ImportFrom) and node.module != "testing":
+                is_room = "." in str(node.module)
+                room = f"{package}.{str(node.module).split('.')[0]}" if is_room else package
+                names = [f"{package}.{node.module}.{alias.name}" for alias in node.names]
                 rooms.setdefault(room, []).extend(names)
         if (REPOSITORY / package / "testing.py").exists():
             rooms[f"{package}.testing"] = [f"{package}.testing"]

@@ -68,7 +68,7 @@ def test_a_command_that_lacks_an_extra_names_it(monkeypatch: pytest.MonkeyPatch)
     done = CliRunner().invoke(ask)
     assert done.exit_code == 1
     assert done.output == (
-        "Error: torch is not installed; bsg_robot needs it: "
+        "Error: torch is not installed; this needs it: "
         "pip install '.[train]' in your clone of the project (or name your wheel for the dot)\n"
     )
 
