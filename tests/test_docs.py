@@ -142,6 +142,7 @@ def test_the_first_door_leads_from_annotations_to_a_trained_model(
     assert {"scene_id", "category", "class"} <= set(found["objects"].columns)
     assert {"input", "target"} <= set(found["pairs"].columns)
     assert Path("report.html").is_file()
+    assert Path("belief.html").is_file()
 
 
 def test_the_robots_of_the_page_go_where_it_says(capsys: pytest.CaptureFixture[str]) -> None:

@@ -84,6 +84,11 @@ class Predictor:
         return self._header.untaught
 
     @property
+    def fold(self) -> int | None:
+        """The fold of its dataset that it was trained without; None without folds."""
+        return self._header.config.data.fold
+
+    @property
     def reads_labels(self) -> bool:
         """Whether the model reads the kinds of rooms."""
         return self._model.reads_labels

@@ -92,10 +92,10 @@ def report_beliefs(
     """
     left = was_stopped(request.out)
     results = _check_outputs(request, left=left)
-    wanted = _choose_scenes(request)
+    predictor = Predictor(request.run)
+    wanted = _choose_scenes(request, fold=predictor.fold)
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
-    predictor = Predictor(request.run)
     views: list[ShownBelief] = []
     notes: list[tuple[str, ...]] = []
     rooms: list[RoomBelief] = []
@@ -182,13 +182,15 @@ def _say_kind(kinds: Sequence[RoomKind]) -> str:
     return "" if first is None else f"{first.name} ({first.probability:.0%})"
 
 
-def _choose_scenes(request: BeliefRequest) -> frozenset[str]:
+def _choose_scenes(request: BeliefRequest, *, fold: int | None) -> frozenset[str]:
     """Return the scenes of a dataset that were asked for."""
     if request.dataset is None:
         return frozenset()
     data = Dataset.open(request.dataset)
     if request.scene is None:
-        return frozenset(scenes_of(data, request.split))
+        return frozenset(
+            scenes_of(data, request.split, fold=fold if "fold-0" in data.splits else None)
+        )
     if request.scene not in data:
         raise DatasetError(
             f"{request.dataset}: has no scene {request.scene!r}",

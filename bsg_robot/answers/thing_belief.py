@@ -152,6 +152,8 @@ def lift(belief: Apart, rates: Floats, *, weight: Floats, least: Floats) -> Coun
     tilts, whole = np.zeros(odds.shape), np.ones(odds.shape[1])
     weights = weight, (weight > 0).astype(np.float64)  # of known rooms, and of the others
     for nodes, none, mixed in zip(belief.nodes, belief.none, weights, strict=False):
+        # A network may say less of the building than of one of its rooms.
+        none = np.minimum(none, (1 - hidden.presence[nodes]).min(axis=0, initial=1.0))
         homes = np.exp(-(rates[nodes] if len(nodes) else rates).sum(axis=0))
         tilt = mixed * (log_odds(homes) - log_odds(none))
         alone = np.log((1 - hidden.presence[nodes]).clip(min=_LEAST))

@@ -4,13 +4,16 @@ import json
 from pathlib import Path
 
 import pytest
+from configurations import configure
 from conftest import REPOSITORY, write_twelve
 from refusals import refuses
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
-from bsg_data.recipes import SplitRecipe
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
@@ -49,6 +52,18 @@ def test_a_graph_is_read_into_the_class_space_of_the_run(wide_run: Path, tmp_pat
     read = report_beliefs(BeliefRequest(run=wide_run, graphs=(open_graph_file(path),)))
     (obj,) = read.graphs[0].partial.objects
     assert read.graphs[0].partial.class_space.classes[obj.class_index or 0] == "shoe"
+
+
+def test_a_run_of_a_fold_is_asked_about_the_buildings_that_it_never_saw(
+    tmp_path: Path, dataset: Path
+) -> None:
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
+    write_pairs(dataset, PairsRecipe(draws=1), force=True)
+    config = configure("gamma-poisson", "data.fold=1")
+    list(train_run(config, dataset, tmp_path / "run"))
+    report = report_beliefs(BeliefRequest(run=tmp_path / "run", dataset=dataset, split="test"))
+    asked = {graph.partial.scene_id for graph in report.graphs}
+    assert asked == {*Dataset.open(dataset).splits["fold-1"]}
 
 
 def test_a_run_of_another_space_is_refused_with_both_named(wide_run: Path, dataset: Path) -> None:
