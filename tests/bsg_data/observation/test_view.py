@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from bsg_data.arrays import Counts
@@ -88,13 +86,6 @@ def test_the_share_of_hidden_parts_is_that_of_the_others() -> None:
         np.testing.assert_allclose(gone, expected, rtol=0.12)
 
 
-def test_parts_of_a_withheld_class_are_hidden() -> None:
-    for draw in range(20):
-        _, hidden, gone = hide(MaskRecipe(parts=True, withhold=1.0), draw)
-        assert (hidden == CURTAINS).all()
-        assert gone[[1, 3], 0].tolist() == [3, 4]
-
-
 # Null region, and rooms that hide nothing, 0.29, 0.29 and all.
 SHARES = np.array([0.0, 0.29, 0.29, 1.0])
 CELLS = np.array([[0, 3], [4, 4], [60, 0], [30, 10], [2, 2]])
@@ -107,19 +98,3 @@ def test_a_share_loses_its_exact_number() -> None:
     assert hidden[4].tolist() == [2, 2]
     assert hidden[2:4].sum() == 29, "exact in decimals: in floats 0.29 of 100 is less than 29"
     assert (hidden <= CELLS).all()
-
-
-def test_draws_of_several_views_are_each_as_if_alone() -> None:
-    """Three draws of a view with exact shares, one without, and one with a class withheld."""
-    recipe, scenes = MaskRecipe(), ["a", "b", "c"]
-    exact = View.of_rooms(SHARES, classes=2, exact=True)
-    views = [exact, replace(exact, exact=False), exact.withhold(np.array([True, False]))]
-    streams = MaskStreams([recipe] * 9, scenes * 3, [draw for draw in range(3) for _ in scenes])
-    together = hide_cells(np.concatenate([CELLS, CELLS + 1, CELLS]), views, streams)
-    alone = [
-        hide_cells(cells, [view], MaskStreams([recipe], [scene], [draw]))
-        for draw in range(3)
-        for cells, view, scene in zip((CELLS, CELLS + 1, CELLS), views, scenes, strict=True)
-    ]
-    assert together.tolist() == np.concatenate(alone).tolist()
-    assert len({one.tobytes() for one in alone}) == 9

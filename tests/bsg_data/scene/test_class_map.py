@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import ClassMapError
-from bsg_data.scene import class_map as class_map_module
 from bsg_data.scene.class_map import (
     Classified,
     OwnMap,
@@ -185,15 +184,6 @@ def test_class_spaces() -> None:
     assert {*PAPER.split(",")} <= {*classes}
     found = find_wholes(("bath door", "wall", "basin faucet"), classes)
     assert found.tolist() == [classes.index("bathtub"), -1, classes.index("sink")]
-
-
-def test_strange_words_do_not_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A service meets new ones for as long as it runs."""
-    monkeypatch.setattr(class_map_module, "_MOST_RESOLVED", 3)
-    class_map = parse_own_map(OwnMap(name="small", spellings=HEADER.encode()))
-    for number in range(20):
-        class_map.classify(f"zorg{number}x")
-        assert 0 < len(class_map._resolved) <= 3
 
 
 def test_no_rule_reads_a_name_that_is_too_long() -> None:

@@ -26,7 +26,6 @@ from bsg_data.scene.surroundings import (
     Surroundings,
     find_floor_area,
     measure_area,
-    stack_surroundings,
 )
 
 LABELS = list_room_labels()
@@ -98,14 +97,6 @@ def test_a_room_type_is_a_distribution_or_nothing(shares: list[float]) -> None:
     assert row.tolist() == pytest.approx(expected, abs=1e-5)
     known = read_room_type(said)
     assert read_room_type(known.labels) == known
-
-
-def test_taking_inverts_stacking(office: Surroundings) -> None:
-    shed = Surroundings.unknown(nodes=4)
-    both = stack_surroundings([office, shed, office])
-    assert len(both) == 10
-    assert same_surroundings(both.take(slice(0, 3), buildings=slice(0, 1)), office)
-    assert same_surroundings(both.take(np.arange(3, 7), buildings=np.array([1])), shed)
 
 
 def test_evidence_is_left_out(office: Surroundings) -> None:

@@ -144,14 +144,6 @@ def test_an_edge_without_its_node_is_left_out_and_counted() -> None:
     assert parse(graph) == replace(whole, lost=1)
 
 
-def test_a_graph_of_neither_nodes_nor_layers_is_none() -> None:
-    empty: Graph = {"nodes": [], "edges": []}
-    with refuses(SourceError, "dsg-malformed", PATH):
-        parse(empty)
-    layers = {"layer_names": {"ROOMS": {"layer": 4, "partition": 0}}}
-    assert parse({**empty, **layers}).rooms == ()
-
-
 def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
     dsg = pytest.importorskip("spark_dsg")
     graph = dsg.DynamicSceneGraph()

@@ -106,7 +106,7 @@ def regions(*listed: dict[str, Any]) -> str:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("rooms: [", "no YAML"),
+        ("rooms: [", "expected YAML"),
         (LAYOUT.replace("x: 1.0", "x: .nan"), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("y: 2.5", "y: -2.5", 1), "rooms.room_1.dims.y"),
         (LAYOUT.replace("room_2", "cellar"), "rooms.cellar"),

@@ -104,7 +104,7 @@ def test_what_is_no_graph_is_skipped_with_the_reason(tmp_path: Path) -> None:
     (tmp_path / "graphs" / "cut.json").write_text("{")
     manifest = build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "both")
     cut, skip = manifest.skipped
-    assert cut.reason.startswith("no JSON")
+    assert cut.reason.startswith("expected JSON")
     assert skip.location == "settings.json"
     assert skip.reason == "expected a Spark-DSG graph; nodes: Field required"
 

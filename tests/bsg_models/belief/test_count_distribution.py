@@ -15,7 +15,6 @@ from scipy.stats import binom
 from bsg_models.belief.count_distribution import (
     CountDistribution,
     blend,
-    blend_copies,
     concatenate,
     negative_binomial,
     poisson,
@@ -23,10 +22,7 @@ from bsg_models.belief.count_distribution import (
 )
 from bsg_models.belief.negative_binomial import (
     POISSON,
-    hidden_posterior,
-    hidden_tilts,
     log_negative_binomial,
-    log_normaliser,
 )
 
 MEANS = np.array([[0.5, 3.0, 0.0]])
@@ -166,22 +162,6 @@ def test_what_is_no_number_anywhere_is_found(part: str, value: float) -> None:
         assert not replace(sound, **{part: changed}).is_finite
 
 
-def test_what_is_kept_of_another_distribution_is_what_would_be_computed() -> None:
-    rng = np.random.default_rng(0)
-    means, spread = rng.gamma(1, 1, (2, 3, 6, 4))[:2]
-    whole = CountDistribution(
-        means, spread, np.full((3, 6, 1), 1 / 3), rng.normal(0, 1, (2, *means.shape))
-    )
-    assert whole.is_finite
-    for kept in (
-        whole.take(np.array([4, 1]), np.array([[0, 3], [2, 2]])),
-        whole.with_none_likelier(rng.normal(0, 1, (6, 4))),
-        blend_copies(whole, np.array([0.3, 0.7])),
-    ):
-        for name in ("presence", "mean", "variance"):
-            np.testing.assert_array_equal(getattr(kept, name), getattr(replace(kept), name))
-
-
 MOST = 600  # true counts that are summed over
 
 
@@ -224,29 +204,6 @@ def test_at_large_dispersions_it_becomes_a_poisson_without_a_step() -> None:
     np.testing.assert_allclose(found, poisson, rtol=1e-11)
     below, above = (log_negative_binomial(counts, 12.5, r) for r in (0.999999e6, 1.000001e6))
     np.testing.assert_allclose(below, above, rtol=0, atol=1e-7)
-
-
-def test_a_tilted_prior_is_closed_under_thinning() -> None:
-    """P(H | V) and P(V), from the joint of T and V written out."""
-    a, b, f = 1.7, 0.8, 0.4
-    tilts = np.array([0.3, 1.1, -0.6])
-    counts = np.arange(200)
-    prior = np.exp(log_negative_binomial(counts, a / b, a))
-    prior[:3] *= np.exp(tilts)
-    np.testing.assert_allclose(log_normaliser(tilts, a / b, a), np.log(prior.sum()))
-    prior /= prior.sum()
-    for seen in range(5):
-        joint = prior * stats.binom.pmf(seen, counts, 1 - f)
-        mean, r = hidden_posterior(a, b, seen, f)
-        left = np.array(hidden_tilts(tilts, np.array(seen)))
-        tilted = sum(tilt * (counts == count) for count, tilt in enumerate(left))
-        log_hidden = log_negative_binomial(counts, mean, r) + tilted
-        hidden = np.exp(log_hidden - log_normaliser(left, mean, r))
-        np.testing.assert_allclose(hidden[:50], joint[seen:][:50] / joint.sum())
-        untilted = log_negative_binomial(seen, (1 - f) * a / b, a)
-        gained = log_normaliser(left, mean, r) - log_normaliser(tilts, a / b, a)
-        assert float(untilted + gained) == pytest.approx(float(np.log(joint.sum())))
-    assert hidden_tilts(tilts, np.array(1)) == [1.1, -0.6, 0.0]
 
 
 @pytest.mark.parametrize("tilts", [0, 3])

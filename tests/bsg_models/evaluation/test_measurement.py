@@ -16,6 +16,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
+from bsg_models.evaluation.catalogue import head_value, label_value, list_values
 from bsg_models.evaluation.details import Details
 from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
 from bsg_models.evaluation.truth import Prediction, Truth
@@ -54,6 +55,13 @@ def measure_one(folds: list[Prediction], *, resamples: int) -> Bootstrap:
     """Return the metrics of one model whose folds have these predictions."""
     each = [Fold(one.truth.scene_ids, [{"": one}]) for one in folds]
     return measure(each, resamples=resamples)[""]
+
+
+def test_every_value_has_a_label_of_its_own() -> None:
+    labels = [label_value(name) for name in list_values()]
+    assert len(set(labels)) == len(labels)
+    assert label_value("building/energy_values/variance") == "variance of energy, building"
+    assert head_value("rooms/presence_auroc_macro/unvisited") == "unvisited AUROC macro ↑"
 
 
 def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
-
 import numpy as np
-import pytest
 
-from bsg_data import registry
 from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.evaluation.catalogue import METRICS, find_value, list_values
-from bsg_models.evaluation.metric import NodeMetric
+from bsg_models.evaluation.catalogue import list_values
 from bsg_models.evaluation.verdict import HEADLINES, _judge, explain, judge_all, list_headlines
 
 NOISE = np.linspace(-1, 1, 41)
-SIGNED = NodeMetric(label="signed", less=None, about="", values=lambda truth, _: truth.inputs)
 LESS, MORE = "rooms/hidden_nll", "rooms/presence_auroc_macro/all"
 
 
@@ -76,22 +70,3 @@ def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
     assert lines[0].startswith("ours, compared with doubling what was seen")
     assert lines[1] == "  better: NLL, rooms"
     assert len(lines) == 1 + len(headlines(both))
-
-
-def test_a_metric_of_a_package_is_shown_and_judged_if_it_has_a_better_side(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    points = [
-        EntryPoint("mine", "bsg_models.evaluation.metric_rows:TOP3_UNSEEN", METRICS.group),
-        EntryPoint("signed", f"{__name__}:SIGNED", METRICS.group),
-    ]
-    monkeypatch.setattr(registry, "entry_points", lambda group: points)
-    registry._installed.cache_clear()
-    try:
-        both = {"ours": measured(2.0), "doubled": measured(1.5)}
-        assert {"rooms/mine", "rooms/signed"} <= set(headlines(both))
-        (verdicts,) = judge_all(both, runs=["ours"]).values()
-        assert verdicts["better"][-1] == find_value("rooms/mine")[0].label
-        assert not any("signed" in label for some in verdicts.values() for label in some)
-    finally:
-        registry._installed.cache_clear()

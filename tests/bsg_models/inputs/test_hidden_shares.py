@@ -18,7 +18,7 @@ from bsg_models.belief.count_distribution import poisson as poisson_counts
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.inputs import hidden_shares
-from bsg_models.inputs.hidden_shares import EVIDENCE, spread_shares, update_shares
+from bsg_models.inputs.hidden_shares import EVIDENCE, update_shares
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.graph.reports import enter, hide_of_room
 from bsg_robot.graph.robot_json import parse_robot_graph, read_robot_graph
@@ -127,20 +127,6 @@ def believe_shares(*shares: ShareBelief) -> PartialGraph:
         for room, share in zip(OFFICE.rooms, shares, strict=True)
     )
     return replace(OFFICE, rooms=rooms, hidden_share=float(np.mean([s.mean for s in shares])))
-
-
-def test_levels_by_hand() -> None:
-    """Uniform and certain rooms; Gauss and Legendre's two nodes lie at 1/2 ± 1/√12."""
-    graph = believe_shares(ShareBelief(0.5, 12**-0.5), ShareBelief(0.2), ShareBelief(0.9))
-    levels, weights = spread_shares([graph], graph.observation(), levels=2)
-    assert weights.tolist() == [0.5, 0.5]
-    assert levels.scene_ids == ("office", "office")
-    low, high = levels.hidden_share[:4], levels.hidden_share[4:]
-    step = 12**-0.5
-    np.testing.assert_allclose(low[1:], [0.5 - step, 0.2, 0.9], rtol=1e-6)
-    np.testing.assert_allclose(high[1:], [0.5 + step, 0.2, 0.9], rtol=1e-6)
-    np.testing.assert_allclose(low[0], low[1:].mean(), rtol=1e-6)  # the building follows
-    np.testing.assert_array_equal(levels.inputs[4:], graph.histograms())
 
 
 @pytest.mark.parametrize("share", [ShareBelief(0.5, 12**-0.5), ShareBelief(0.3, 0.1)])

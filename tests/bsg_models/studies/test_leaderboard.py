@@ -23,15 +23,11 @@ from bsg_models.studies import leaderboard
 from bsg_models.studies.leaderboard import (
     DATASET,
     LeaderboardRecipe,
-    _fit_to,
     make_leaderboard,
-    prepare_dataset,
     run_of,
 )
 from bsg_models.studies.leaderboard_report import write_json
 from bsg_models.studies.stored_pairs import MeasuredPairs
-from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
@@ -173,19 +169,3 @@ def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
     assert points[0] != points[1]
     assert after["ceci-sage"].metrics.point[nll] == pytest.approx(np.mean(points))
     assert write_json(two)["masks"]["uniform"]["ceci-sage"]["seeds"] == 2
-
-
-@pytest.mark.parametrize("name", [name for name in ZOO if not find_config(name).is_by_seed])
-def test_a_model_that_no_seed_changes_is_the_same_by_another(
-    name: str, unsplit: Path, tmp_path: Path
-) -> None:
-    recipe = TWO.model_copy(update={"draws": 1, "masks": ("rooms",)})
-    data = tmp_path / "board" / "rooms" / DATASET
-    prepare_dataset(unsplit, data, recipe)
-    states = []
-    for seed in range(2):
-        config = _fit_to(find_config(name), recipe, mask="rooms", fold=0, seed=seed)
-        list(train_run(config, data, tmp_path / f"run-{seed}"))
-        states.append(load_checkpoint(tmp_path / f"run-{seed}" / BEST).tensors)
-    assert states[0].keys() == states[1].keys()
-    assert all((states[1][name] == tensor).all() for name, tensor in states[0].items())

@@ -6,17 +6,12 @@ from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from bsg_data.arrays import Bools, Ints
 from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_models.rendering.replay import Replay
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import find_ways
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.search.simulator import Answer, Episodes, Robot, Step, search
-from bsg_models.studies.replay import LEAST_ENTERED, _list_visits, replay_search
+from bsg_models.studies.replay import LEAST_ENTERED, replay_search
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, study_search
@@ -24,8 +19,6 @@ from bsg_models.studies.search_study import Study, study_search
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 RECIPE = StudyRecipe(worlds=WORLDS, tasks=("all",), episodes=5, draws=2, planners=("ratio",))
 EPISODE = 3
-CORRIDOR = np.full((4, 4), np.inf)  # rooms 1 – 2 – 3 in a row, 2 m and 3 m apart
-CORRIDOR[[1, 2, 2, 3], [2, 1, 3, 2]] = 2.0, 2.0, 3.0, 3.0
 
 
 @pytest.fixture
@@ -42,33 +35,6 @@ def show(
     return replay_search(
         Dataset.open(dataset), study, results, runs, model="gamma-poisson", trace=trace
     )
-
-
-def test_a_walk_by_hand() -> None:
-    """Room 2 is on the way to room 3, which holds what is sought; most frequent classes first."""
-    cells = np.array([[0, 0], [0, 1], [0, 2], [1, 5]])
-    episode = Episodes(
-        travel=find_ways(CORRIDOR[None]),
-        rooms=np.arange(4) > 0,
-        starts=np.array([1]),
-        artifacts=np.array([[0]]),
-        instances=cells[None, :, :1],
-    )
-
-    def believe(rows: Ints, explored: Bools) -> Answer:
-        presence = np.array([[0, 0, 0.5, 0.6 if explored[0, 2] else 0.9]])[..., None]
-        return presence, presence
-
-    steps: list[Step] = []
-    robot = {0: Robot(PLANNERS["greedy-belief"], "single")}
-    search(episode, robot, beliefs=believe, watch=lambda _, step: steps.append(step))
-    start, between, end = _list_visits(steps, episode, cells, "ab")
-    assert (start.room, start.way, start.cost, start.target, start.leg) == (1, (), 0, 3, 5)
-    assert (between.room, between.way, between.cost, between.leg) == (2, (2,), 2, 3)
-    assert (end.room, end.way, end.cost, end.target, end.leg) == (3, (3,), 5, None, None)
-    assert [visit.presence for visit in (start, between)] == [(0, 0.5, 0.9), (0, 0, 0.6)]
-    assert end.seen == (("a", 1), ("b", 5))
-    assert (start.found, between.found, end.found) == ((), (), ("a",))
 
 
 @pytest.mark.parametrize("world", WORLDS)
