@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refuses
 
@@ -157,6 +157,7 @@ def test_a_name_has_one_category_class_and_role(tmp_path: Path) -> None:
     assert {name: class_map.classify(name) for name in expected} == expected
 
 
+@settings(max_examples=30)
 @given(st.binary(), st.none() | st.binary(), st.none() | st.binary())
 def test_files_and_json_give_back_every_byte_of_a_map(
     tmp_path_factory: pytest.TempPathFactory,

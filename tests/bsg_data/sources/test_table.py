@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refuses
 
@@ -94,6 +94,7 @@ def test_a_table_worked_out_by_hand(tmp_path: Path) -> None:
     ]
 
 
+@settings(max_examples=20)
 @given(st.randoms())
 def test_the_order_of_rows_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, chance: random.Random
@@ -201,6 +202,7 @@ def tables(draw: st.DrawFn) -> Rows:
     return [{**row, "y": row["x"], "z": row["x"]} for row in rows]
 
 
+@settings(max_examples=50)
 @given(tables())
 def test_the_same_rows_are_the_same_scenes_in_every_kind_of_file(
     tmp_path_factory: pytest.TempPathFactory, rows: Rows

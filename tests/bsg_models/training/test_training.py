@@ -152,8 +152,15 @@ def test_patience_ends_a_training_that_gets_no_better(dataset: Path, tmp_path: P
     record = read_record(tmp_path / "whole")
     assert record
     assert f"stopped after epoch {len(whole)}" in record.notes[0]
-    patient = train_run(short(*settings), dataset, tmp_path / "patient")
-    assert [r.val_loss for r in patient[: len(whole)]] == [r.val_loss for r in whole]
+    patient: list[EpochReport] = []
+    with pytest.raises(KeyboardInterrupt):
+        train_run(
+            short(*settings),
+            dataset,
+            tmp_path / "patient",
+            progress=lambda report: (patient.append(report), stop_at(len(whole))(report)),
+        )
+    assert [r.val_loss for r in patient] == [r.val_loss for r in whole]
 
 
 def test_what_another_training_left_is_not_gone_on_with(dataset: Path, tmp_path: Path) -> None:
