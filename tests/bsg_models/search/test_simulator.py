@@ -236,10 +236,10 @@ def test_with_looks_that_may_miss_every_search_ends_and_the_oracle_is_best(
     seed: int, task: Task
 ) -> None:
     rng = np.random.default_rng(seed)
-    plain = draw_episodes(seed, rooms=5, kind="tree")
-    luck = draw_luck(rng, 6, rooms=5, looks=4)
-    episodes = replace(plain, look=rng.uniform(0.5, 5, 6), chance=0.6, luck=luck)
-    beliefs = fix_beliefs(rng.random((6, 6, 1)))
+    plain = draw_episodes(seed, rooms=4, kind="tree")
+    luck = draw_luck(rng, 6, rooms=4, looks=3)
+    episodes = replace(plain, look=rng.uniform(0.5, 5, 5), chance=0.6, luck=luck)
+    beliefs = fix_beliefs(rng.random((6, 5, 1)))
     best = run_one(episodes, "oracle", task)
     for name in ("nearest", "ratio", "expected-cost", "greedy-belief", "greedy-share"):
         ended = run_one(episodes, name, task, beliefs=beliefs)

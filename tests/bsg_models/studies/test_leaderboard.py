@@ -30,7 +30,7 @@ from bsg_models.studies.leaderboard_report import write_json
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.zoo.config import RunConfig, find_config
 
-RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
+RECIPE = LeaderboardRecipe(folds=2, draws=2, resamples=3)
 MIXED = (
     *("data.mask.strategy=mixed", "data.mask.withhold=0.05", "data.mask.detector=0.0"),
     "data.min_scenes=10",
@@ -60,7 +60,7 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
         unsplit, tmp_path / "board", MODELS, RECIPE, progress=lambda *words: seen.append(words)
     )
     assert {p: p.read_bytes() for p in unsplit.rglob("*") if p.is_file()} == before
-    assert ("train", 15, 15) in seen  # 2 models, 3 folds, 2 masks; and one with its own mask
+    assert ("train", 10, 10) in seen  # 2 models, 2 folds, 2 masks; and one with its own mask
     assert ("measure", 6, 6) in seen
     rooms = read_manifest(unsplit).totals.rooms
     for mask in ("uniform", "rooms"):
@@ -71,7 +71,7 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
         for result in board.results[mask].values():
             assert result.metrics.nodes["rooms/hidden_nll"] == rooms * RECIPE.draws
             assert result.seconds > 0
-        for fold in range(3):
+        for fold in range(2):
             run = run_of(tmp_path / "board" / mask, "ceci-sage", fold)
             config = load_checkpoint(run / BEST).header.config
             assert (config.data.fold, config.data.mask.strategy) == (fold, mask)
@@ -83,8 +83,8 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
     own = {name: result.trained_on for name, result in board.results["rooms"].items()}
     assert own == {"gamma-poisson": None, "ceci-sage": None, "pair": "mixed"}
     assert not run_of(tmp_path / "board" / "rooms", "pair", 0).exists()
-    config = load_checkpoint(run_of(tmp_path / "board" / "mixed", "pair", 2) / BEST).header.config
-    assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
+    config = load_checkpoint(run_of(tmp_path / "board" / "mixed", "pair", 1) / BEST).header.config
+    assert (config.data.fold, str(config.data.mask)) == (1, "mixed, fraction 0.5, withhold 0.05")
 
 
 def test_a_stopped_leaderboard_goes_on_and_another_recipe_starts_again(
@@ -94,12 +94,12 @@ def test_a_stopped_leaderboard_goes_on_and_another_recipe_starts_again(
     models = {"ceci-sage": MODELS["ceci-sage"]}
     out = tmp_path / "board"
     first = make_leaderboard(unsplit, out, models, recipe)
-    runs = [run_of(out / "uniform", "ceci-sage", fold) / BEST for fold in range(3)]
+    runs = [run_of(out / "uniform", "ceci-sage", fold) / BEST for fold in range(2)]
     stamps = [run.stat().st_mtime_ns for run in runs]
     runs[1].write_bytes(runs[1].read_bytes()[:100])  # as a full disk leaves it
     again = make_leaderboard(unsplit, out, models, recipe)
     after = [run.stat().st_mtime_ns for run in runs]
-    assert [a == b for a, b in zip(stamps, after, strict=True)] == [True, False, True]
+    assert [a == b for a, b in zip(stamps, after, strict=True)] == [True, False]
     a, b = (board.results["uniform"]["ceci-sage"].metrics for board in (first, again))
     assert a.point == pytest.approx(b.point, nan_ok=True)
     other = recipe.model_copy(update={"draws": 3})
@@ -124,7 +124,7 @@ SEEDED: Mapping[str, RunConfig] = {
     "gamma-poisson": find_config("gamma-poisson"),
     "ceci-sage": MODELS["ceci-sage"],
 }
-TWO = LeaderboardRecipe(masks=("uniform",), folds=3, draws=2, resamples=20, seeds=2)
+TWO = LeaderboardRecipe(masks=("uniform",), folds=2, draws=2, resamples=20, seeds=2)
 ONE = TWO.model_copy(update={"seeds": 1})
 
 
@@ -150,11 +150,11 @@ def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
 ) -> None:
     out = tmp_path / "board"
     one = make_leaderboard(unsplit, out, SEEDED, ONE)
-    usual = {f"uniform/fold-{fold}/{name}" for fold in range(3) for name in SEEDED}
+    usual = {f"uniform/fold-{fold}/{name}" for fold in range(2) for name in SEEDED}
     assert list_runs(out) == usual
     stamps = {path: path.stat().st_mtime_ns for path in out.rglob(BEST)}
     two = make_leaderboard(unsplit, out, SEEDED, TWO)
-    assert list_runs(out) == usual | {f"uniform/seed-1/fold-{fold}/ceci-sage" for fold in range(3)}
+    assert list_runs(out) == usual | {f"uniform/seed-1/fold-{fold}/ceci-sage" for fold in range(2)}
     assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
     runs = [run_of(out / "uniform", "ceci-sage", 1, seed=seed) / BEST for seed in range(2)]
     first, second = (load_checkpoint(run) for run in runs)

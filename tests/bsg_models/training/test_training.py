@@ -96,7 +96,7 @@ def test_a_mixed_model_is_validated_on_masks_of_its_own(dataset: Path) -> None:
 
 def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     """On buildings that are alike, the loss falls well below that of the first epoch."""
-    config = short("training.epochs=60", "model.dropout=0.0")
+    config = short("training.epochs=20", "model.dropout=0.0")
     reports = train_run(config, dataset, tmp_path / "run")
     assert reports[-1].train_loss < 0.6 * reports[0].train_loss
 
