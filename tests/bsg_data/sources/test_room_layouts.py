@@ -16,7 +16,7 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
-from bsg_data.exports.habitat import _encode_regions
+from bsg_data.exports.habitat import ROW
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.catalogue import open_source
@@ -316,7 +316,7 @@ def test_what_is_exported_for_habitat_comes_back_onto_a_build_without_it(tmp_pat
     graphs = {scene: read_one(placed, scene)[0] for scene in scenes}
     back.mkdir()
     for graph in graphs.values():
-        for name, data in _encode_regions(graph).files.items():
+        for name, data in ROW.encode(graph, ()).files.items():
             (back / name).write_bytes(data)
     for scene, graph in graphs.items():
         found, left_out = read_one(WithLayouts(plain, back), scene)
