@@ -119,11 +119,11 @@ def test_a_dataset_is_what_a_plain_loop_counts(name: str, request: pytest.Fixtur
             unclassified[obj.room_index, NO_CATEGORY if nameless else str(obj.category)] += 1
         for ours in (data.cells(scene), cells[scene]):
             np.testing.assert_array_equal(ours, counted)
-        one = data.unclassified(scene)
-        assert list(one.categories) == sorted({name for _, name in unclassified})
+        others = data.unclassified(scene)
+        assert list(others.categories) == sorted({name for _, name in unclassified})
         assert {
-            (int(room), one.categories[kind]): int(one.cells[room, kind])
-            for room, kind in np.argwhere(one.cells)
+            (int(room), others.categories[kind]): int(others.cells[room, kind])
+            for room, kind in np.argwhere(others.cells)
         } == unclassified
         robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).observation()
         assert same_surroundings(data.surroundings(scene), robots.surroundings)

@@ -29,13 +29,13 @@ def test_a_withheld_class_shows_where_nothing_is_hidden_and_an_unknown_one_nowhe
 
 
 def test_views_agree_in_single_precision() -> None:
-    one = View.of_rooms(np.array([0.1, 0.7]), classes=2)
-    stored = View(one.visited, one.shares_float32.astype(np.float64), one.withheld, one.nodes)
-    assert stored.hidden_share.tolist() != one.hidden_share.tolist()
-    assert one.agrees(stored)
-    assert not one.agrees(View.of_rooms(np.array([0.1, 0.6]), classes=2))
-    assert not one.agrees(one.withhold(np.array([True, False])))
-    assert one.take(1, 3).hidden_share.tolist() == [0.1, 0.7]
+    view = View.of_rooms(np.array([0.1, 0.7]), classes=2)
+    stored = View(view.visited, view.shares_float32.astype(np.float64), view.withheld, view.nodes)
+    assert stored.hidden_share.tolist() != view.hidden_share.tolist()
+    assert view.agrees(stored)
+    assert not view.agrees(View.of_rooms(np.array([0.1, 0.6]), classes=2))
+    assert not view.agrees(view.withhold(np.array([True, False])))
+    assert view.take(1, 3).hidden_share.tolist() == [0.1, 0.7]
 
 
 CURTAINS = np.array([[1, 0], [3, 5], [0, 5], [2, 0]])  # of four nodes; the second class is beds

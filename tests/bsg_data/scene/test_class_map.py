@@ -122,12 +122,10 @@ def test_a_typo_is_mended_if_what_it_may_be_is_one_class(tmp_path: Path) -> None
         ("chair,chair,chair\n", "0,chair,A.\n0,chair,B.\n"),
         ("chair,chair,chair\n", ""),
         ('"chair,chair,chair\n', "0,chair,A chair.\n"),
-        (f"{'x' * 90_000},a,\n{'X' * 90_000},a,chair\n", "0,chair,A.\n"),
-        ("", f"0,{'x' * 90_000},\n{'9' * 90_000},b,\n"),
         ("\udcff,chair,\n", "0,chair,A.\n"),  # no UTF-8
         ("a" * (16 * 2**20), "0,chair,A.\n"),
     ],
-    ids=range(10),
+    ids=range(8),
 )
 def test_a_malformed_map_is_refused_in_few_words(
     tmp_path: Path, spellings: str, classes: str

@@ -61,9 +61,9 @@ def as_version_1_0(graph: Graph) -> None:
     """Write as the recorded apartment does: no partitions; an agent has a prefix and a time."""
     graph["layer_ids"], graph["mesh_layer_id"] = [2, 3, 4, 5], 1
     graph["layer_names"] = {"OBJECTS": 2, "ROOMS": 4}
-    for one in graph["nodes"]:
-        if one.pop("partition"):
-            one |= {"prefix": 97, "timestamp": 1}
+    for entry in graph["nodes"]:
+        if entry.pop("partition"):
+            entry |= {"prefix": 97, "timestamp": 1}
 
 
 def as_version_1_1_2(graph: Graph) -> None:
@@ -74,10 +74,10 @@ def as_version_1_1_2(graph: Graph) -> None:
 
 def elsewhere(graph: Graph) -> None:
     """Put objects and rooms into layers and partitions of other numbers, and say so."""
-    for one in graph["nodes"]:
-        if one["layer"] == 2 and not one["partition"]:
-            one["partition"] = 3
-        one["layer"] = {2: 6, 4: 20, 5: 30}.get(one["layer"], 9)
+    for entry in graph["nodes"]:
+        if entry["layer"] == 2 and not entry["partition"]:
+            entry["partition"] = 3
+        entry["layer"] = {2: 6, 4: 20, 5: 30}.get(entry["layer"], 9)
     graph["layer_names"] = {
         "OBJECTS": {"layer": 6, "partition": 3},
         "ROOMS": {"layer": 20, "partition": 0},
@@ -121,12 +121,12 @@ def too_large(graph: Graph) -> None:
         too_large,
         *(
             pytest.param(
-                lambda graph, kind=kind, most=most: graph.update(
-                    {kind: graph[kind][:1] * (most + 1)}
+                lambda graph, kind=kind, bound=bound: graph.update(
+                    {kind: graph[kind][:1] * (bound + 1)}
                 ),
                 marks=pytest.mark.heavy,
             )
-            for kind, most in (("nodes", MAX_GRAPH_NODES), ("edges", MAX_GRAPH_EDGES))
+            for kind, bound in (("nodes", MAX_GRAPH_NODES), ("edges", MAX_GRAPH_EDGES))
         ),
     ],
 )

@@ -108,11 +108,11 @@ def test_none_of_very_many_is_as_likely_as_its_tilt_says(mean: float) -> None:
     plain = poisson(np.array([[mean, 1.0]]))
     tilts = np.zeros((2, 1, 1, 2))
     tilts[0, 0, 0, 0] = mean  # what e^-mean is tilted by to be 1, as likely as all else
-    one = replace(plain, tilts=tilts)
-    assert one.is_finite
-    np.testing.assert_allclose(one.presence, [[0.5, -np.expm1(-1.0)]], rtol=1e-7)
-    np.testing.assert_allclose(one.mean, [[mean / 2, 1.0]], rtol=1e-7)
-    log_none = one.log_probability(np.zeros((1, 2)))
+    distribution = replace(plain, tilts=tilts)
+    assert distribution.is_finite
+    np.testing.assert_allclose(distribution.presence, [[0.5, -np.expm1(-1.0)]], rtol=1e-7)
+    np.testing.assert_allclose(distribution.mean, [[mean / 2, 1.0]], rtol=1e-7)
+    log_none = distribution.log_probability(np.zeros((1, 2)))
     np.testing.assert_allclose(log_none, [[np.log(0.5), -1.0]], rtol=1e-7)
 
 
@@ -121,8 +121,8 @@ def test_none_gets_likelier_by_the_odds_that_are_asked_for(distribution: CountDi
     shift = np.random.default_rng(3).normal(0, 1, distribution.means.shape[1:])
     shifted = distribution.with_none_likelier(shift)
     odds, before = logit(1 - shifted.presence), logit(1 - distribution.presence)
-    there = distribution.presence > 0
-    np.testing.assert_allclose(odds[there], (before + shift)[there], atol=1e-6)
+    present = distribution.presence > 0
+    np.testing.assert_allclose(odds[present], (before + shift)[present], atol=1e-6)
     before, after = probabilities(distribution, 6)[1:], probabilities(shifted, 6)[1:]
     np.testing.assert_allclose(after / after.sum(axis=0), before / before.sum(axis=0), atol=1e-12)
 
@@ -234,6 +234,6 @@ def test_slopes_of_a_likelihood_are_its_finite_differences(distribution: CountDi
             up[part] *= np.exp(step)
             down[part] *= np.exp(-step)
             more, less = (
-                replace(distribution, **{name: one}).log_probability(counts) for one in (up, down)
+                replace(distribution, **{name: x}).log_probability(counts) for x in (up, down)
             )
             np.testing.assert_allclose(slopes[part], (more - less) / (2 * step), atol=1e-6)

@@ -53,7 +53,7 @@ def evaluate(
 
 def measure_one(folds: list[Prediction], *, resamples: int) -> Bootstrap:
     """Return the metrics of one model whose folds have these predictions."""
-    each = [Fold(one.truth.scene_ids, [{"": one}]) for one in folds]
+    each = [Fold(fold.truth.scene_ids, [{"": fold}]) for fold in folds]
     return measure(each, resamples=resamples)[""]
 
 
@@ -111,18 +111,18 @@ def test_folds_are_averaged_and_never_pooled(dataset: Path) -> None:
         model.fit(data, DataConfig())
         masked = read_split(data, "test")
         folds.append((read_truth(masked), predict_all(model, masked)))
-    every = measure_one([Prediction(*one) for one in folds], resamples=2)
+    every = measure_one([Prediction(*pair) for pair in folds], resamples=2)
     assert every.point["rooms/presence_auroc_macro/all"] == 0.5
     assert every.point["rooms/presence_auroc_macro/unseen"] == 0.5
-    alone = [evaluate(*one) for one in folds]
+    alone = [evaluate(*pair) for pair in folds]
     name = "rooms/correlation_frobenius"
-    assert every.point[name] == pytest.approx(np.mean([one[name] for one, _ in alone]))
+    assert every.point[name] == pytest.approx(np.mean([pair[name] for pair, _ in alone]))
     # A building that is in several folds has one weight in all.
     scenes = sorted({scene for truth, _ in folds for scene in truth.scene_ids})
     resample = dict(zip(scenes, weigh_buildings(len(scenes), resamples=2, seed=0), strict=True))
     weights = [np.array([float(resample[s][2]) for s in truth.scene_ids]) for truth, _ in folds]
     name = "rooms/hidden_nll"
-    expected = [evaluate(*one, own)[0][name] for one, own in zip(folds, weights, strict=True)]
+    expected = [evaluate(*pair, own)[0][name] for pair, own in zip(folds, weights, strict=True)]
     assert every.resampled[name][1] == pytest.approx(np.mean(expected))
     assert every.nodes[name] == sum(nodes[name] for _, nodes in alone)
 
@@ -143,19 +143,19 @@ def test_a_fold_without_a_building_of_the_resample_is_not_in_its_mean(truth: Tru
             scene_ids=(scene,),
         )
         parts.append((own, beliefs.take(rows)))
-    found = measure_one([Prediction(*one) for one in parts], resamples=20)
-    first, second = (evaluate(*one)[0][name] for one in parts)
+    found = measure_one([Prediction(*part) for part in parts], resamples=20)
+    first, second = (evaluate(*part)[0][name] for part in parts)
     assert found.point[name] == pytest.approx((first + second) / 2)
     ends = {round(value, 9) for value in found.resampled[name].tolist()}
     assert ends == {round(value, 9) for value in (first, second, (first + second) / 2)}
 
 
 @pytest.mark.parametrize(
-    ("stride", "kept", "example"),
+    ("stride", "nodes", "example"),
     [(1, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 4), (3, [0, 1, 4, 5, 6, 7], 2), (9, [0, 1, 4, 5], 2)],
 )
 def test_every_kth_masked_building_is_kept_and_the_example(
-    stride: int, kept: list[int], example: int
+    stride: int, nodes: list[int], example: int
 ) -> None:
     """Five masked buildings of two nodes: one draw of a, two of c, two of b."""
     targets = np.arange(10.0)[:, None]
@@ -174,7 +174,7 @@ def test_every_kth_masked_building_is_kept_and_the_example(
         )
         collector.add(Prediction(truth, Expectation(truth.inputs, poisson(truth.inputs))))
     shown = collector.shown()
-    assert shown.targets[:, 0].tolist() == kept
-    assert shown.totals[:, 0].tolist() == [2 * one for one in kept]
+    assert shown.targets[:, 0].tolist() == nodes
+    assert shown.totals[:, 0].tolist() == [2 * node for node in nodes]
     assert shown.targets[shown.example, 0] == 4
     assert shown.example == example

@@ -43,28 +43,32 @@ def test_the_walks_are_those_of_the_search_that_was_asked_for(
 ) -> None:
     """A number is of the first building. The means are those of all searches."""
     study = study_search(dataset, runs, RECIPE.model_copy(update={"worlds": (world,)}))
-    one = show(dataset, study, runs)
-    assert (one.scene_id, one.world, one.task) == (next(iter(runs)), world.name, "all")
-    assert (one.episode, one.searches, one.buildings) == (EPISODE, 15, 3)
-    assert [walk.planner for walk in one.walks] == ["ratio", "nearest"]
-    assert [walk.model for walk in one.walks] == ["gamma-poisson", None]
-    assert len({walk.stops[0].room for walk in one.walks}) == 1
+    shown = show(dataset, study, runs)
+    assert (shown.scene_id, shown.world, shown.task) == (next(iter(runs)), world.name, "all")
+    assert (shown.episode, shown.searches, shown.buildings) == (EPISODE, 15, 3)
+    assert [walk.planner for walk in shown.walks] == ["ratio", "nearest"]
+    assert [walk.model for walk in shown.walks] == ["gamma-poisson", None]
+    assert len({walk.stops[0].room for walk in shown.walks}) == 1
     (result,) = summarise(study, resamples=0)
     table = study.searches.set_index(["scene_id", "planner", "episode"])
-    for walk in one.walks:
-        row = table.loc[one.scene_id, walk.planner, EPISODE]
-        assert one.artifacts == tuple(row.artifacts)
+    for walk in shown.walks:
+        row = table.loc[shown.scene_id, walk.planner, EPISODE]
+        assert shown.artifacts == tuple(row.artifacts)
         assert len(walk.stops) == row.rooms_entered + 1
         assert walk.cost == pytest.approx(row.cost, abs=1e-3)
-        assert set(one.holds) == {stop.room for stop in walk.stops if stop.found}
+        assert set(shown.holds) == {stop.room for stop in walk.stops if stop.found}
         assert walk.mean_cost == result.savings[walk.planner].cost
         for before, stop in pairwise(walk.stops):
             assert stop.way[-1] == stop.room
             assert stop.cost >= before.cost
-    reading, blind = one.walks
+    reading, blind = shown.walks
     assert all(stop.presence is None for stop in blind.stops)
     assert any(max(stop.presence or [0]) > 0 for stop in reading.stops)
-    assert (one.unit, one.doors, one.left_out) == ("", (), 0)  # a drawn world has no metres
+    assert (shown.unit, shown.doors, shown.left_out) == (
+        "",
+        (),
+        0,
+    )  # a drawn world has no metres
 
 
 def test_the_first_eventful_search_is_shown(dataset: Path, runs: Mapping[str, Path]) -> None:
@@ -75,7 +79,7 @@ def test_the_first_eventful_search_is_shown(dataset: Path, runs: Mapping[str, Pa
     entered = both.groupby(["scene_id", "episode"], sort=False).rooms_entered.min()
     chance = both.groupby(["scene_id", "episode"], sort=False).chance.first()
     eventful = entered[(entered >= LEAST_ENTERED) & (chance <= 0.25)]
-    one = show(dataset, study, runs, "auto")
+    replay = show(dataset, study, runs, "auto")
     expected = eventful.index[0] if len(eventful) else entered.index[0]
-    assert (one.scene_id, one.episode) == expected
-    assert ("None is eventful" in one.chosen) == (not len(eventful))
+    assert (replay.scene_id, replay.episode) == expected
+    assert ("None is eventful" in replay.chosen) == (not len(eventful))

@@ -57,10 +57,10 @@ def short(*settings: str, name: str = "ceci") -> RunConfig:
 def test_a_run_leaves_a_checkpoint_metrics_and_what_trains_it_again(
     dataset: Path, tmp_path: Path
 ) -> None:
-    told: list[EpochReport] = []
+    heard: list[EpochReport] = []
     config, run = short("seed=3"), tmp_path / "run"
-    reports = train_run(config, dataset, run, progress=told.append)
-    assert list(reports) == told
+    reports = train_run(config, dataset, run, progress=heard.append)
+    assert list(reports) == heard
     assert [r.epoch for r in reports] == list(range(1, 9))
     assert [r.epoch for r in reports if r.val_loss is not None] == [2, 4, 6, 8]
     lines = (run / METRICS).read_text().splitlines()
@@ -82,11 +82,11 @@ def test_a_mixed_model_is_validated_on_masks_of_its_own(dataset: Path) -> None:
     config = short("data.mask.strategy=mixed", "data.fractions=[0.1,0.9]", name="ceci-sage")
     data = Dataset.open(dataset)
     assert read_manifest(dataset).pairs == PairsRecipe(draws=4)  # uniform ones
-    one, again = (validation_buildings(config, data, vocabulary=()) for _ in range(2))
-    assert one.draws.tolist() == [draw for draw in range(10) for _ in scenes_of(data, "val")]
-    assert set(one.seen.scene_ids) == set(scenes_of(data, "val"))
-    assert (one.seen.inputs == again.seen.inputs).all()
-    share = one.seen.hidden_share[~one.seen.is_building]
+    masked, again = (validation_buildings(config, data, vocabulary=()) for _ in range(2))
+    assert masked.draws.tolist() == [draw for draw in range(10) for _ in scenes_of(data, "val")]
+    assert set(masked.seen.scene_ids) == set(scenes_of(data, "val"))
+    assert (masked.seen.inputs == again.seen.inputs).all()
+    share = masked.seen.hidden_share[~masked.seen.is_building]
     assert (share == 0).any()
     assert (share == 1).any()
     assert len(set(share[(share > 0) & (share < 1)].tolist())) > 5
@@ -131,10 +131,10 @@ def test_a_stopped_training_goes_on_to_the_bytes_of_an_unbroken_one(
     with pytest.raises(KeyboardInterrupt):
         train_run(config, dataset, run, progress=stop_at(stop))
     assert not run.exists()
-    told: list[EpochReport] = []
-    again = train_run(config, dataset, run, progress=told.append)
-    assert told[0].epoch == 2 * (stop // 2) + 1
-    losses = [[(r.epoch, r.train_loss, r.val_loss) for r in one] for one in (whole, again)]
+    heard: list[EpochReport] = []
+    again = train_run(config, dataset, run, progress=heard.append)
+    assert heard[0].epoch == 2 * (stop // 2) + 1
+    losses = [[(r.epoch, r.train_loss, r.val_loss) for r in reports] for reports in (whole, again)]
     assert losses[0] == losses[1]
     assert (run / BEST).read_bytes() == (whole_run / BEST).read_bytes()
     if name == "ceci":
@@ -226,7 +226,7 @@ def test_a_class_that_was_never_taught_is_expected_nowhere_and_said(
     predictor = Predictor(tmp_path / "run")
     data = Dataset.open(dataset)
     objects = sum(data.cells(scene).sum(axis=0) for scene in scenes_of(data, "train"))
-    never = [one for one, number in zip(predictor.classes, objects, strict=True) if not number]
+    never = [word for word, number in zip(predictor.classes, objects, strict=True) if not number]
     assert list(predictor.untaught) == never != []
     seen = open_graph({"kitchen": [never[0], "chair"], "hall": []}, model=predictor)
     columns = np.isin(predictor.classes, never)
