@@ -67,11 +67,11 @@ def test_the_same_bytes_with_any_number_of_workers(
 ) -> None:
     monkeypatch.setattr("bsg_data.observation.pairs.SCENES_PER_FILE", 3)
     monkeypatch.setattr("bsg_data.observation.pairs.ROWS_PER_GROUP", 10)
-    one = write_pairs(dataset, PairsRecipe(draws=5), force=True)
+    alone = write_pairs(dataset, PairsRecipe(draws=5), force=True)
     with ThreadPoolExecutor(4) as pool:
         many = write_pairs(dataset, PairsRecipe(draws=5), force=True, executor=pool)
-    assert one == many
-    assert len(one.files_of("pairs")) == 6  # 10 buildings of train in four files
+    assert alone == many
+    assert len(alone.files_of("pairs")) == 6  # 10 buildings of train in four files
 
 
 def test_pairs_need_force_to_be_replaced(dataset: Path) -> None:

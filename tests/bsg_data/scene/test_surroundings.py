@@ -109,7 +109,7 @@ def test_evidence_is_left_out(office: Surroundings) -> None:
 
 
 @pytest.mark.parametrize(
-    "said",
+    "room_type",
     [
         {"kitchen": -0.1},
         {"kitchen": float("nan")},
@@ -119,9 +119,9 @@ def test_evidence_is_left_out(office: Surroundings) -> None:
         {str(number): 0.0 for number in range(1001)},
     ],
 )
-def test_a_room_type_that_cannot_be_is_refused(said: RoomType) -> None:
+def test_a_room_type_that_cannot_be_is_refused(room_type: RoomType) -> None:
     with pytest.raises(RecipeError):
-        check_room_type(said)
+        check_room_type(room_type)
 
 
 def test_the_first_that_says_a_floor_area_counts() -> None:

@@ -24,23 +24,6 @@ def parse(graph: Graph) -> DSGFile:
     return parse_dsg(graph, path=PATH)
 
 
-def test_a_graph_by_hand() -> None:
-    graph = parse(robot_graph())
-    assert [(room.name, room.position) for room in graph.rooms] == [
-        ("kitchen", (0, 0, 0.5)),
-        (None, (3, 0, 0.5)),
-    ]
-    assert graph.adjacency == ((0, 1),), "once, whichever way it is written and however often"
-    sofa, tv, chair, last = graph.objects
-    assert [obj.room for obj in graph.objects] == [0, 0, None, 1], "over places, or directly"
-    assert sofa.box == Box((0, 0.5, 0.5), (2, 1.5, 1.5))
-    assert tv.box is not None
-    assert tv.box.minimum == pytest.approx((2.5, 0, 0.5)), "a quarter turn swaps length and width"
-    assert tv.box.maximum == pytest.approx((3.5, 2, 1.5))
-    assert (chair.label, chair.label_name, chair.name) == (None, None, "chair_12")
-    assert (last.label, last.label_name, last.position) == (99, None, None)
-
-
 def test_older_boxes_have_corners() -> None:
     graph = robot_graph()
     older = {"min": [1, 2, 3], "max": [2, 4, 6], "world_P_center": [1.5, 3, 4.5]}

@@ -101,9 +101,9 @@ def test_the_order_of_rows_does_not_matter(
 ) -> None:
     rows = list(ROWS)
     chance.shuffle(rows)
-    one = write_table(tmp_path_factory.mktemp("a"), *ROWS)
-    other = write_table(tmp_path_factory.mktemp("b"), *rows)
-    assert read_all(one) == read_all(other)
+    ordered = write_table(tmp_path_factory.mktemp("a"), *ROWS)
+    shuffled = write_table(tmp_path_factory.mktemp("b"), *rows)
+    assert read_all(ordered) == read_all(shuffled)
 
 
 GIVEN = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe, 2026"}
@@ -173,8 +173,8 @@ def read_everywhere(folder: Path, rows: Rows) -> tuple[list[SceneGraph], list[st
     """Return the graphs and the notes, which are the same in every kind of file."""
     first, *others = [answer(path) for path in write_everywhere(folder, rows)]
     assert others == [first] * len(others)
-    graphs = [one for one in first if isinstance(one, SceneGraph)]
-    return graphs, [one for one in first if isinstance(one, str)]
+    graphs = [item for item in first if isinstance(item, SceneGraph)]
+    return graphs, [item for item in first if isinstance(item, str)]
 
 
 def in_rooms(names: Sequence[object]) -> Rows:

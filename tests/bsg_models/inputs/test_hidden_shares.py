@@ -71,16 +71,16 @@ def test_a_predictor_averages_over_the_posterior() -> None:
     np.testing.assert_allclose(
         PREDICTOR(graph).presence, PREDICTOR(posterior, weigh_seen=False).presence, atol=1e-9
     )
-    told = PREDICTOR(graph, weigh_seen=False).presence[KITCHEN]
-    assert np.abs(PREDICTOR(graph).presence[KITCHEN] - told).max() > 0.1
+    plain = PREDICTOR(graph, weigh_seen=False).presence[KITCHEN]
+    assert np.abs(PREDICTOR(graph).presence[KITCHEN] - plain).max() > 0.1
 
 
 def test_several_buildings_are_answered_as_each_alone() -> None:
     graphs = believe_kitchen(VAGUE), furnish(2), OFFICE
     alone = [PREDICTOR(graph) for graph in graphs]
     together = PREDICTOR(*graphs)
-    np.testing.assert_array_equal(together.inputs, np.vstack([one.inputs for one in alone]))
-    presence = np.vstack([one.presence for one in alone])
+    np.testing.assert_array_equal(together.inputs, np.vstack([answer.inputs for answer in alone]))
+    presence = np.vstack([answer.presence for answer in alone])
     np.testing.assert_allclose(together.presence, presence, atol=1e-5)
 
 
@@ -115,9 +115,9 @@ def test_parts_are_told_what_the_whole_is(
     graph = furnish(12)
     whole = PREDICTOR.believe_shares(graph)
     monkeypatch.setattr(hidden_shares, name, size)
-    for one, other in zip(whole, PREDICTOR.believe_shares(graph), strict=True):
-        assert one.mean == pytest.approx(other.mean, abs=1e-6)
-        assert one.sd == pytest.approx(other.sd, abs=1e-6)
+    for share, other in zip(whole, PREDICTOR.believe_shares(graph), strict=True):
+        assert share.mean == pytest.approx(other.mean, abs=1e-6)
+        assert share.sd == pytest.approx(other.sd, abs=1e-6)
 
 
 def believe_shares(*shares: ShareBelief) -> PartialGraph:

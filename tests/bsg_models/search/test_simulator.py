@@ -231,7 +231,7 @@ def draw_luck(rng: np.random.Generator, searches: int, *, rooms: int, looks: int
 
 
 @given(seed=st.integers(0, 2**32), task=st.sampled_from(TASKS))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_with_looks_that_may_miss_every_search_ends_and_the_oracle_is_best(
     seed: int, task: Task
 ) -> None:
