@@ -157,20 +157,20 @@ def test_a_fold_without_a_building_of_the_resample_is_not_in_its_mean(truth: Tru
 def test_every_kth_masked_building_is_kept_and_the_example(
     stride: int, nodes: list[int], example: int
 ) -> None:
-    """Five masked buildings of two nodes: one draw of a, two of c, two of b."""
-    targets = np.arange(10.0)[:, None]
-    collector = Details(stride, "c")
-    for rows, scenes in ((np.arange(4), ("a", "c")), (np.arange(4, 10), ("c", "b"))):
-        number = [0, 0, 1, 1] if len(rows) == 4 else [0, 0, 1, 1, 1, 1]
-        shift = 2 if len(rows) == 4 else 0  # the first batch has another building before c
+    """Five masked buildings of two nodes: of a, d, c, and two draws of b, in two batches."""
+    targets, collector = np.arange(10.0)[:, None], Details(stride, "c")
+    for rows, building, scenes in (
+        (np.arange(4), [0, 0, 1, 1], ("a", "d")),
+        (np.arange(4, 10), [0, 0, 1, 1, 1, 1], ("c", "b")),
+    ):
         truth = Truth(
             inputs=targets[rows],
             targets=targets[rows],
             is_building=rows % 2 == 0,
             visited=np.ones(len(rows), dtype=bool),
-            building=np.array(number),
+            building=np.array(building),
             draw=np.zeros(len(rows), dtype=np.int64),
-            scene_ids=scenes if not shift else ("a", "d"),
+            scene_ids=scenes,
         )
         collector.add(Prediction(truth, Expectation(truth.inputs, poisson(truth.inputs))))
     shown = collector.shown()
