@@ -142,7 +142,8 @@ def _find_scenes(source: Source, *, strict: bool) -> FoundScenes:
     found = source.find()
     for skip in (*found.conflicts, *found.unreadable) if strict else ():
         where = source.path / skip.location
-        raise SourceError(f"{where}: {skip.reason}", code="scene-unreadable", where=where)
+        message = f"{where}: {skip.reason}; mend it, or build without --strict"
+        raise SourceError(message, code="scene-unreadable", where=where)
     for scene, times in Counter(ref.scene_id for ref in found.scenes).most_common(1):
         if times > 1:
             message = f"{source.path}: two scenes have the id {scene!r}; rename one of them"

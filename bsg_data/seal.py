@@ -50,7 +50,7 @@ def require_seal(folder: Path) -> dict[str, str] | None:
             refuse_links(folder, path)
             found = hash_file(path)
         except OSError as error:
-            message = f"{path}: is in {SEAL} but cannot be read ({error.strerror or error})"
+            message = f"{path}: expected by {SEAL}, but cannot be read ({error.strerror or error})"
             raise DatasetError(message, code="file-missing", where=path) from error
         if found != expected:
             raise DatasetError(

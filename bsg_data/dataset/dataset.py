@@ -103,11 +103,12 @@ class Dataset(DatasetFiles):
         splits: dict[str, list[str]] = {}
         for scene, split in zip(table["scene_id"], table["split"], strict=True):
             if not SPLIT_NAME.fullmatch(split):  # names of files have it in them
+                place = self.manifest.files_of("splits")[0].path
                 raise DatasetError(
-                    f"{self.path}: {scene} is in split {split!r}; expected train, val, test or "
-                    "fold-N. Split again with --force",
+                    f"{self.path / place}: {scene} is in split {split!r}; expected train, val or "
+                    "test, or fold-N. Split again with --force",
                     code="split-name",
-                    where=self.manifest.files_of("splits")[0].path,
+                    where=place,
                 )
             splits.setdefault(split, []).append(scene)
         order = [name for name in NAMES if name in splits]

@@ -62,7 +62,7 @@ def export_dataset(
             encoded = row.encode(graph, data.manifest.class_space.classes)
             for name, content in encoded.files.items():
                 if not is_file_name(name):
-                    message = f"scene {graph.scene_id!r}: {name!r} is no file name"
+                    message = f"scene {graph.scene_id!r}: expected a name of a file, found {name!r}"
                     raise DatasetError(message, code="file-name", where=graph.scene_id)
                 (staged / name).write_bytes(content)
             number["files"] += len(encoded.files)
@@ -77,7 +77,7 @@ def export_dataset(
                 progress(done, scenes)
         if len(left_out) == scenes:
             raise DatasetError(
-                f"{dataset}: none of its {scenes:,} scenes has anything for the export {to!r} "
+                f"{dataset}: found nothing in its {scenes:,} scenes for the export {to!r} "
                 f"({row.summary})",
                 code="export-empty",
                 where=dataset,

@@ -55,11 +55,12 @@ def naming(path: Path) -> Iterator[None]:
     """Say in an error about a mesh which file it is; turn those of libraries into ours."""
     try:
         yield
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}", code=error.code, where=path) from error
     except Exception as error:  # what reads damaged bytes may raise anything
-        what = f"{path}: not readable as glTF ({type(error).__name__}: {str(error)[:200]})"
-        raise MeshError(what, code="mesh-unreadable", where=path) from error
+        what, code = f"{type(error).__name__}, {str(error)[:200]}", "mesh-unreadable"
+        if isinstance(error, MeshError):
+            what, code = str(error), error.code
+        message = f"{path}: expected a semantic mesh in a GLB: {what}"
+        raise MeshError(message, code=code, where=path) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +107,7 @@ def read_parts(data: bytes) -> Iterator[MeshPart]:
 
 def _read_tree(data: bytes) -> _Entry:
     if data[:4] != _MAGIC:
-        what = f"expected a GLB, which begins with 'glTF', found {data[:4]!r}"
+        what = f"begins with {data[:4]!r}, not with 'glTF'"
         raise MeshError(what, code="mesh-no-glb")
     (length,) = struct.unpack("<I", data[12:16])
     tree: _Entry = json.loads(data[20 : 20 + length])

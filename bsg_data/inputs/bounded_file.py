@@ -76,5 +76,5 @@ def _refusing(
     except BSGError:  # of whoever reads within the block; some are a ValueError, too
         raise
     except damage as fault:
-        message = f"{path}: cannot be read ({getattr(fault, 'strerror', None) or fault})"
+        message = f"{path}: expected a whole file ({getattr(fault, 'strerror', None) or fault})"
         raise error(message, code="file-unreadable", where=path) from fault

@@ -63,7 +63,7 @@ def require_json(
         return parse_json(text, once=once)
     except ValueError as fault:
         form = _FORM if is_bounded and isinstance(fault, json.JSONDecodeError) else ""
-        message = f"{where}: no JSON ({str(fault)[:200]}){form}"
+        message = f"{where}: expected JSON ({str(fault)[:200]}){form}"
         raise error(message, code="json-malformed", where=where) from fault
 
 
@@ -91,9 +91,9 @@ def parse_yaml(data: bytes) -> Any:
     try:
         return yaml.load(decode(data), Loader=_PlainLoader)  # noqa: S506 -- text, lists, mappings
     except RecursionError:
-        raise ValueError("no YAML (nested too deep)") from None
+        raise ValueError("expected YAML (nested too deep)") from None
     except (yaml.YAMLError, ValueError) as error:
-        raise ValueError(f"no YAML ({' '.join(str(error).split())[:200]})") from error
+        raise ValueError(f"expected YAML ({' '.join(str(error).split())[:200]})") from error
 
 
 def parse_toml(text: bytes | str) -> dict[str, Any]:

@@ -27,5 +27,5 @@ def refusing_damage(path: Path, *, error: Refusal = SourceError) -> Iterator[Non
         raise
     except _DAMAGE as fault:
         reason = getattr(fault, "strerror", None) or " ".join(str(fault).split())[:300]
-        message = f"{path}: not readable as parquet ({reason})"
+        message = f"{path}: expected parquet ({reason})"
         raise error(message, code="parquet-unreadable", where=path) from fault

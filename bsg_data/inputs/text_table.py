@@ -84,7 +84,7 @@ def find_columns(
             same = same or [at for at, title in enumerate(header) if _is_same(title, name)]
             if len(same) > 1:
                 shown = list_some([header[at] for at in same], _SHOWN)
-                message = f"{path}: the column {show_value(name)} twice, as {shown}"
+                message = f"{path}: found the column {show_value(name)} twice, as {shown}"
                 raise SourceError(message, code="column-twice", where=path)
             if same:
                 columns[field] = same[0]

@@ -75,7 +75,9 @@ def list_files(
     elif path.is_file():
         files = [path] if path.name.endswith(suffixes) else []
     else:
-        raise SourceError(f"{path}: no such file or folder", code="source-missing", where=path)
+        raise SourceError(
+            f"{path}: expected a file or a folder, found none", code="source-missing", where=path
+        )
     if not files:
         left_out = [f"{skip.location} ({skip.reason})" for skip in unreadable]
         hint = f"; left out are {list_some(left_out, 1)}" if left_out else ""
@@ -199,9 +201,8 @@ def state_of(path: Path) -> tuple[int, int]:
     try:
         stat = path.stat()
     except OSError as error:
-        raise SourceError(
-            f"{path}: cannot be read ({error.strerror})", code="file-unreadable", where=path
-        ) from error
+        message = f"{path}: expected a file that can be read ({error.strerror})"
+        raise SourceError(message, code="file-unreadable", where=path) from error
     return stat.st_size, stat.st_mtime_ns
 
 

@@ -142,7 +142,7 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
                 sheets[_key(title)].append(cells)
     except ValueError as error:
         raise SourceError(
-            f"{path}: no readable spreadsheet ({error})", code="spreadsheet-malformed", where=path
+            f"{path}: expected a spreadsheet ({error})", code="spreadsheet-malformed", where=path
         ) from error
     return sheets
 

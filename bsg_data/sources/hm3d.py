@@ -99,7 +99,7 @@ class HM3DFolder:
             zipped = (
                 "; the statistics are read with --source hm3d-stats" if self.path.is_file() else ""
             )
-            what = "is a file, not a folder" if self.path.is_file() else "no such folder"
+            what = f"expected a folder, found {'a file' if self.path.is_file() else 'none'}"
             message = f"{self.path}: {what}{zipped}"
             raise SourceError(message, code="source-missing", where=self.path)
         expected = (

@@ -66,7 +66,7 @@ class _HM3DStatistics:
             )
             for name, lines in _read_scene_lines(self.path).items()
         ]
-        return keep_one_copy(refs, path=self.path, expected="the table of regions has no row")
+        return keep_one_copy(refs, path=self.path, expected="expected rows of regions, found none")
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""

@@ -69,7 +69,7 @@ def _list_label_spaces() -> tuple[str, ...]:
 def _read_published(name: str) -> LabelSpace:
     if name not in _list_label_spaces():
         raise ClassMapError(
-            f"no label space {name!r}: there are {', '.join(_list_label_spaces())}, and yours as "
+            f"no label space {name!r}: known are {', '.join(_list_label_spaces())}, and yours as "
             "the path of a .yaml, .yml or .csv",
             code="label-space-unknown",
             where=name,

@@ -210,7 +210,7 @@ def _stream(file: Path) -> _Houses:
                 if text.strip():
                     yield number, text.strip()
         except (ValueError, RecursionError) as error:
-            raise refuse(f": no JSON ({error})", code="json-malformed", where=file) from error
+            raise refuse(f": expected JSON ({error})", code="json-malformed", where=file) from error
 
 
 def _split(opened: BinaryIO) -> Iterator[bytes]:

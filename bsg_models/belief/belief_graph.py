@@ -102,8 +102,8 @@ def believe(
     inputs = graph.histograms().astype(np.float64)
     if not np.array_equal(expectation.inputs, inputs):
         raise RecipeError(
-            f"{graph.scene_id}: the expectation is of other inputs than the graph's "
-            f"{inputs.shape[0]} nodes and {inputs.shape[1]} classes",
+            f"{graph.scene_id}: expected an expectation of the graph's {inputs.shape[0]} nodes and "
+            f"{inputs.shape[1]} classes, found one of other inputs",
             code="expectation-foreign",
             where=graph.scene_id,
         )

@@ -60,9 +60,8 @@ def read_predictions(path: Path) -> Predictions:
     """Read a file of predictions, or all files `*.parquet` of a folder as one."""
     files = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
     if not files:
-        raise PredictionError(
-            f"{path}: holds no file *.parquet", code="predictions-none", where=path
-        )
+        message = f"{path}: expected files *.parquet, found none"
+        raise PredictionError(message, code="predictions-none", where=path)
     tables = [_read(file) for file in files]
     hashes = [(table.schema.metadata or {}).get(_MASKS) for table in tables]
     masks = frozenset(text.decode("ascii", "replace") for text in hashes if text is not None)

@@ -73,8 +73,8 @@ def test_the_suffix_names_the_format(tmp_path: Path) -> None:
     write_figure(Figure(), tmp_path / "new" / "a.pdf")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "new" / "a.pdf").read_bytes().startswith(b"%PDF")
-    for name, said in (("a", "take .*a.png"), ("a.doc", "a.doc: the figure")):
-        with pytest.raises(BSGError, match=said):
+    for name, message in (("a", "take .*a.png"), ("a.doc", "a.doc: the figure")):
+        with pytest.raises(BSGError, match=message):
             write_figure(Figure(), tmp_path / name)
 
 

@@ -35,7 +35,7 @@ class Shelf(SaidRecord):
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "fault"),
     [
         ({"age": "half"}, "age: Input should be a valid integer.*, found 'half'$"),
         ({"age": 0.5}, "age: Input should be .*, found 0.5$"),
@@ -48,10 +48,10 @@ class Shelf(SaidRecord):
         ),
     ],
 )
-def test_a_fault_is_named_with_the_value_that_is_wrong(values: dict[str, Any], said: str) -> None:
+def test_a_fault_is_named_with_the_value_that_is_wrong(values: dict[str, Any], fault: str) -> None:
     with pytest.raises(ValidationError) as caught:
         Pet.model_validate(values)
-    assert re.match(said, name_fault(caught.value)), name_fault(caught.value)
+    assert re.match(fault, name_fault(caught.value)), name_fault(caught.value)
 
 
 def test_a_text_that_is_no_json_is_not_shown() -> None:
@@ -61,7 +61,7 @@ def test_a_text_that_is_no_json_is_not_shown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "where"),
+    ("values", "where"),
     [
         ({"books": ["a"] * MANY}, "books.0: "),
         ({"pages": {f"page {n}": "a" for n in range(MANY)}}, "pages.page 0: "),
@@ -74,9 +74,9 @@ def test_a_text_that_is_no_json_is_not_shown() -> None:
         ({f"key {n}": 1 for n in range(MANY)} | {"class": "x"}, "key 0: "),
     ],
 )
-def test_few_of_many_faults_are_looked_for(said: dict[str, Any], where: str) -> None:
+def test_few_of_many_faults_are_looked_for(values: dict[str, Any], where: str) -> None:
     with pytest.raises(ValidationError) as caught:
-        Shelf.model_validate(said)
+        Shelf.model_validate(values)
     assert caught.value.error_count() <= 400
     assert name_fault(caught.value).startswith(where)
 

@@ -36,17 +36,17 @@ TRAIN = "/train-00000.parquet"
 def edit(dataset: Path, table: str, change: Change, *, end: str = ".parquet") -> None:
     """Change a table by hand and make the manifest agree, so that only the rows can tell."""
     manifest = read_manifest(dataset)
-    name = next(one.path for one in manifest.files_of(table) if one.path.endswith(end))
-    there = pq.read_table(dataset / name)
-    frame = change(there.to_pandas())
-    edited = pa.Table.from_pandas(frame, schema=there.schema, preserve_index=False)
+    name = next(entry.path for entry in manifest.files_of(table) if entry.path.endswith(end))
+    stored = pq.read_table(dataset / name)
+    frame = change(stored.to_pandas())
+    edited = pa.Table.from_pandas(frame, schema=stored.schema, preserve_index=False)
     pq.write_table(edited, dataset / name)
     list_again(dataset, name, rows=len(frame))
 
 
 def list_again(dataset: Path, name: str, *, rows: int) -> None:
     manifest, entry = read_manifest(dataset), describe_file(dataset, name, rows=rows)
-    files = tuple(entry if one.path == name else one for one in manifest.files)
+    files = tuple(entry if other.path == name else other for other in manifest.files)
     commit_manifest(dataset, manifest.model_copy(update={"files": files}))
 
 

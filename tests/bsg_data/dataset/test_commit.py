@@ -8,6 +8,7 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 from conftest import commit_manifest
+from killed_process import snapshot
 from refusals import refuses
 
 from bsg_data.build import build_dataset
@@ -21,14 +22,6 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
-
-
-def all_bytes(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
 
 
 def test_files_of_the_users_stay(dataset: Path) -> None:
@@ -50,10 +43,10 @@ def test_links_in_a_dataset_lead_nowhere(dataset: Path, tmp_path: Path, name: st
     outside = tmp_path / "outside"
     shutil.move(dataset / name, outside)
     (dataset / name).symlink_to(outside)
-    before = all_bytes(outside)
+    before = snapshot(outside)
     with refuses(DatasetError, "link", dataset / name):
         write_pairs(dataset, PairsRecipe(draws=1), force=True)
-    assert all_bytes(outside) == before
+    assert snapshot(outside) == before
 
 
 @pytest.mark.parametrize("name", ["../../victim/evil", "training", "fold-", "train\n", ""])

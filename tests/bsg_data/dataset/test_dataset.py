@@ -16,8 +16,7 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset, _open_once, read_cells
-from bsg_data.dataset.histograms import NO_CATEGORY, choose_vocabulary
-from bsg_data.dataset.manifest import hash_manifest, read_manifest
+from bsg_data.dataset.histograms import NO_CATEGORY
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
@@ -84,15 +83,7 @@ def estate(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 def test_an_estate_by_hand(estate: Dataset) -> None:
     assert estate.scene_ids == (HOUSE, SHED, LAWN, RUIN)
     assert estate.splits == {}
-    classes = estate.manifest.class_space.classes
-    counted = np.zeros((4, 45), dtype=int)
-    counted[1, classes.index("bed")], counted[2, classes.index("chair")] = 2, 1
-    np.testing.assert_array_equal(estate.cells(HOUSE), counted)
-    others = estate.unclassified(HOUSE)
-    assert others.categories == (NO_CATEGORY, "floor", "wall")
-    assert others.cells.tolist() == [[0, 0, 0], [0, 0, 1], [2, 0, 0], [0, 1, 1]]
     house = estate.connections(HOUSE)
-    assert house.pairs.tolist() == [[1, 2], [1, 3], [2, 3]]
     assert house.methods.tolist() == ["layout", "door", "stairs"]
     np.testing.assert_array_equal(house.lengths, [2.5, np.nan, 4.0])
     assert estate.connection_methods == {"layout", "door", "stairs", "boxes"}
@@ -128,11 +119,11 @@ def test_a_dataset_is_what_a_plain_loop_counts(name: str, request: pytest.Fixtur
             unclassified[obj.room_index, NO_CATEGORY if nameless else str(obj.category)] += 1
         for ours in (data.cells(scene), cells[scene]):
             np.testing.assert_array_equal(ours, counted)
-        one = data.unclassified(scene)
-        assert list(one.categories) == sorted({name for _, name in unclassified})
+        others = data.unclassified(scene)
+        assert list(others.categories) == sorted({name for _, name in unclassified})
         assert {
-            (int(room), one.categories[kind]): int(one.cells[room, kind])
-            for room, kind in np.argwhere(one.cells)
+            (int(room), others.categories[kind]): int(others.cells[room, kind])
+            for room, kind in np.argwhere(others.cells)
         } == unclassified
         robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).observation()
         assert same_surroundings(data.surroundings(scene), robots.surroundings)
@@ -160,37 +151,3 @@ def test_a_changed_dataset_is_opened_again_and_the_old_one_is_not_called_damaged
     shutil.rmtree(dataset / "objects")
     with refuses(DatasetError, "file-missing"):
         second.cells(second.scene_ids[0])
-
-
-def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
-    dataset: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two parts are kept; in the order of the tables each is read once all the same."""
-    whole, manifest = read_cells(dataset), read_manifest(dataset)
-    monkeypatch.setattr("bsg_data.dataset.dataset._HELD_BYTES", 1)
-    read: list[str] = []
-    read_file = Dataset.read_file
-    monkeypatch.setattr(
-        Dataset,
-        "read_file",
-        lambda data, entry, **chosen: read.append(entry.path) or read_file(data, entry, **chosen),
-    )
-    small = Dataset(dataset, manifest, hash_manifest(dataset))
-    parts = [*small.in_shards(reversed(small.scene_ids))]
-    assert [len(part) for part in parts] == [one.rows for one in manifest.files_of("scenes")]
-    assert tuple(scene for part in parts for scene in part) == small.scene_ids
-    read.clear()
-    for scene in small.scene_ids:
-        np.testing.assert_array_equal(small.cells(scene), whole[scene])
-    assert read == [entry.path for entry in manifest.files_of("objects")]
-    small.cells(small.scene_ids[0])
-    assert len(read) == 4, "the first part was given up"
-
-
-def test_a_vocabulary_is_what_enough_buildings_have(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    unclassified = [data.unclassified(scene) for scene in data.scene_ids]
-    everywhere = choose_vocabulary(unclassified, min_scenes=12)
-    assert "wall" in everywhere
-    assert NO_CATEGORY not in everywhere
-    assert choose_vocabulary(unclassified, min_scenes=13) == ()

@@ -48,11 +48,11 @@ def read_maps(dataset: Path) -> list[str | OwnMap]:
 
 
 def test_a_dataset_keeps_a_map_of_ones_own_as_it_was(own: Path) -> None:
-    (kept,) = read_maps(own)
-    assert isinstance(kept, OwnMap)
-    assert (kept.name, kept.spellings, kept.classes) == ("mine", SPELLINGS, CLASSES)
-    assert kept.structure == b"category\nwall\n"
-    assert load_class_map(str(kept_map(own))) == parse_own_map(kept)  # a user can name it, too
+    (own_map,) = read_maps(own)
+    assert isinstance(own_map, OwnMap)
+    assert (own_map.name, own_map.spellings, own_map.classes) == ("mine", SPELLINGS, CLASSES)
+    assert own_map.structure == b"category\nwall\n"
+    assert load_class_map(str(kept_map(own))) == parse_own_map(own_map)  # a user can name it, too
     assert check_dataset(own) == ()
 
 
@@ -76,8 +76,8 @@ def test_a_merged_dataset_keeps_the_maps_of_its_parts(own: Path, tmp_path: Path)
     other = write_map(tmp_path / "other", spellings=SPELLINGS + b"sofa,sofa,rest\n")  # one name
     build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic", class_map=str(other))
     merge_datasets([own, tmp_path / "synthetic"], tmp_path / "merged")
-    kept = read_maps(tmp_path / "merged")
-    assert {one.spellings for one in kept if isinstance(one, OwnMap)} == {
+    maps = read_maps(tmp_path / "merged")
+    assert {own_map.spellings for own_map in maps if isinstance(own_map, OwnMap)} == {
         SPELLINGS,
         SPELLINGS + b"sofa,sofa,rest\n",
     }

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -33,47 +34,38 @@ points = st.tuples(metres, metres, metres)
 boxes = st.builds(Box, points, points)
 
 
+nothing = st.just(0)  # what stands there follows from the place in the list
+rooms = st.builds(
+    *(Room, nothing, nothing, st.none() | names, st.none() | points, st.none() | boxes),
+    floor_index=st.none() | st.integers(0, 9),
+    footprint=st.sampled_from([None, ((0.0, 1.0), (2.0, 1.0), (2.0, 3.0))]),
+    label=st.none() | st.just("kitchen"),
+    floor_area=st.none() | st.floats(0.1, 1e3),
+)
+objects = st.builds(
+    *(SceneObject, nothing, nothing, st.integers(0, 3), names, st.none() | names),
+    *(st.none() | st.integers(0, 44), st.sampled_from(get_args(Role))),
+    *(st.none() | st.just("00FF00"), st.none() | points, st.none() | boxes),
+    area=st.none(),
+    part_box=st.none(),
+)
+
+
 @st.composite
 def scene_graphs(draw: st.DrawFn, scene_id: str = "00001-aaaaaaaaaaa") -> SceneGraph:
-    rooms = draw(st.integers(0, 3))
-    objects = draw(st.integers(0, 6))
+    listed, things = draw(st.lists(rooms, max_size=3)), draw(st.lists(objects, max_size=6))
+    last = len(listed)
     return SceneGraph(
-        scene_id=scene_id,
-        source="hm3d",
-        source_version=draw(st.none() | names),
-        source_split=draw(st.none() | st.just("train")),
-        annotation_sha256="0" * 64,
-        rooms=tuple(
-            Room(
-                i,
-                10 * i,
-                draw(st.none() | names),
-                draw(st.none() | points),
-                draw(st.none() | boxes),
-                draw(st.none() | st.integers(0, 9)),
-                footprint=draw(st.sampled_from([None, ((0.0, 1.0), (2.0, 1.0), (2.0, 3.0))])),
-                label=draw(st.none() | st.just("kitchen")),
-                floor_area=draw(st.none() | st.floats(0.1, 1e3)),
-            )
-            for i in range(1, rooms + 1)
-        ),
+        *(scene_id, "hm3d", draw(st.none() | names), draw(st.none() | st.just("train")), "0" * 64),
+        rooms=tuple(replace(r, room_index=i, region_id=10 * i) for i, r in enumerate(listed, 1)),
         objects=tuple(
-            SceneObject(
-                i,
-                7 * i,
-                draw(st.integers(0, rooms)),
-                draw(names),
-                draw(st.none() | names),
-                draw(st.none() | st.integers(0, 44)),
-                draw(st.sampled_from(get_args(Role))),
-                draw(st.none() | st.just("00FF00")),
-                draw(st.none() | points),
-                draw(st.none() | boxes),
+            thing._replace(
+                object_index=i, instance_id=7 * i, room_index=min(thing.room_index, last)
             )
-            for i in range(1, objects + 1)
+            for i, thing in enumerate(things, 1)
         ),
         adjacency=tuple(
-            Edge(1, i, "adjacent", "layout", draw(st.none() | metres)) for i in range(2, rooms + 1)
+            Edge(1, i, "adjacent", "layout", draw(st.none() | metres)) for i in range(2, last + 1)
         ),
         up_axis=draw(st.none() | st.just("z")),
         class_map="hm3d45-v1",

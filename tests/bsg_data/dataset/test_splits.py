@@ -69,7 +69,7 @@ OFFICIAL = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("scenes", "recipe", "said"),
+    ("scenes", "recipe", "message"),
     [
         (ids(3), SplitRecipe(), "leave val and test empty|leave test empty"),
         (ids(3), SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected at most"),
@@ -78,14 +78,14 @@ OFFICIAL = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
     ],
 )
 def test_an_impossible_split_is_refused(
-    scenes: dict[str, str | None], recipe: SplitRecipe, said: str
+    scenes: dict[str, str | None], recipe: SplitRecipe, message: str
 ) -> None:
-    with pytest.raises(RecipeError, match=said):
+    with pytest.raises(RecipeError, match=message):
         assign_splits(scenes, recipe)
 
 
 @pytest.mark.parametrize(
-    "said",
+    "fields",
     [
         *({"ratios": ratios} for ratios in ((0.5, 0.1, 0.1), (1.5, -0.5, 0), (math.nan, 0.5, 0.5))),
         {"ratios": None},
@@ -93,9 +93,9 @@ def test_an_impossible_split_is_refused(
         {"method": "folds", "folds": 1},
     ],
 )
-def test_an_impossible_recipe_is_refused(said: dict[str, Any]) -> None:
+def test_an_impossible_recipe_is_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(ValidationError, match=r"ratios|folds"):
-        SplitRecipe(**said)
+        SplitRecipe(**fields)
 
 
 def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.exports.habitat import _encode_regions
+from bsg_data.exports.habitat import ROW
 from bsg_data.geometry.placement import UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 
@@ -20,7 +20,7 @@ CUBE = Box((0, 0, 0), (1, 1, 1))
 
 def regions_of(*rooms: Room) -> list[dict[str, Any]]:
     graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (), class_map="hm3d45-v1")
-    (data,) = _encode_regions(graph).files.values()
+    (data,) = ROW.encode(graph, ()).files.values()
     assert b"-0.0" not in data
     return json.loads(data)["region_annotations"]
 
@@ -79,7 +79,7 @@ def test_the_stage_s_orientation_turns_the_mesh_file_as_we_do(up_axis: str) -> N
         class_map="m",
         up_axis=up_axis,
     )
-    said = re.findall(r'"(?:up|front)": (\[.*?\])', str(_encode_regions(graph).note))
+    said = re.findall(r'"(?:up|front)": (\[.*?\])', str(ROW.encode(graph, ()).note))
     up, front = (np.array(json.loads(axis)) for axis in said)
     right = np.cross(front, up)
     upright = np.array(UPRIGHT[up_axis])  # file → dataset

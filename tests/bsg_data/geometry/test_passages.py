@@ -83,19 +83,6 @@ def find_passages(boxes: Floats) -> list[tuple[int, int]]:
     return sorted((int(a), int(b)) for a, b in pairs[kept])
 
 
-def room(x: float, y: float, width: float, depth: float, z: float = 0.0) -> list[list[float]]:
-    return [[x, y, z], [x + width, y + depth, z + 2.6]]
-
-
-def test_a_corridor_with_rooms_on_both_sides_by_eye() -> None:
-    corridor = room(0, 4.07, 12, 1.5)
-    south = [room(3 * k, 0, 2.93, 4) for k in range(4)]
-    upstairs, far = room(0, 0, 4, 4, z=2.9), room(30, 30, 4, 4)
-    found = find_passages(np.array([corridor, *south, upstairs, far]))
-    assert found[:4] == [(0, 1), (0, 2), (0, 3), (0, 4)]  # and not the rooms with each other
-    assert all(6 not in pair for pair in found)
-
-
 def test_what_is_known_is_kept_and_joins() -> None:
     pairs = np.array([[0, 1], [0, 2], [1, 2]])
     belief = np.array([0.05, 0.3, 0.25])

@@ -16,7 +16,7 @@ from refusals import refuses
 
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.geometry.surfaces import CELL, Surface, Triangles, cut_triangle, find_labels
+from bsg_data.geometry.surfaces import CELL, Surface, Triangles, find_labels
 
 COLOURS = ("FF0000", "00FF00", "0000FF")
 RGB = {"r": (255, 0, 0), "g": (0, 255, 0), "b": (0, 0, 255), ".": (0, 0, 0), "?": (1, 2, 3)}
@@ -125,16 +125,6 @@ def make_surface(some: list[tuple[int, ...]]) -> Surface:
     corners = (middles[:, None] + offsets[:, :, None]).astype(np.float32)
     labels = np.array([label for label, *_ in some], dtype=np.uint16)
     return Surface.join([Surface.of_triangles(Triangles.of_corners(corners), labels)])
-
-
-@pytest.mark.parametrize("n", [1, 2, 7])
-def test_a_cut_triangle_is_covered_once(n: int) -> None:
-    pieces = cut_triangle(n)
-    assert pieces.shape == (n * n, 3, 3)
-    np.testing.assert_allclose(pieces.sum(axis=2), 1)
-    u, v = pieces[:, 1, 1:] - pieces[:, 0, 1:], pieces[:, 2, 1:] - pieces[:, 0, 1:]
-    np.testing.assert_allclose(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]), 1 / n**2)
-    assert len(np.unique(np.round(pieces.mean(axis=1), 6), axis=0)) == n * n
 
 
 def test_vertex_colours_stand_in_for_a_texture(tmp_path: Path) -> None:

@@ -81,15 +81,15 @@ def test_damage_of_parquet_is_one_error(
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b'a\n"b', "line 2: a quote is not closed"),
         (b"a\n\xff", "line 2: byte 0xFF is not UTF-8"),
         ("a\n".encode("utf-16") + b"\0", "not UTF-16"),
     ],
 )
-def test_a_table_of_text_is_refused_at_its_line(data: bytes, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_a_table_of_text_is_refused_at_its_line(data: bytes, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         list(parse_csv(data))
 
 

@@ -20,19 +20,19 @@ def hash_slowly(data: Dataset, split: str) -> str:
     classes = data.manifest.class_space.classes
     rows = read_pairs(data.path, split).to_pylist()
     rows.sort(key=lambda row: (row["scene_id"].encode(), row["draw"], row["node_index"]))
-    said = b"bsg-masks-1\n" + "".join(f"{name}\n" for name in classes).encode() + b"\n"
+    text = b"bsg-masks-1\n" + "".join(f"{name}\n" for name in classes).encode() + b"\n"
     before = None
     for row in rows:
         if row["scene_id"] != before:
             before = row["scene_id"]
-            said += before.encode() + b"\0"
-        said += struct.pack(
+            text += before.encode() + b"\0"
+        text += struct.pack(
             "<iif?", *(row[k] for k in ("draw", "node_index", "hidden_share", "visited"))
         )
-        said += bytes(row["withheld"])
-        said += struct.pack(f"<{len(classes)}i", *row["input"])
-        said += struct.pack(f"<{len(classes)}i", *row["target"])
-    return hashlib.sha256(said).hexdigest()
+        text += bytes(row["withheld"])
+        text += struct.pack(f"<{len(classes)}i", *row["input"])
+        text += struct.pack(f"<{len(classes)}i", *row["target"])
+    return hashlib.sha256(text).hexdigest()
 
 
 def test_the_hash_is_of_the_form_that_the_module_states(dataset: Path) -> None:

@@ -97,7 +97,7 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
     """What is stored of the view holds for the objects outside the classes, too."""
 
     def views_of(layouts: list[Layout], *_: object) -> list[View]:
-        return [View.of_rooms(np.zeros(one.rooms), classes=one.classes) for one in layouts]
+        return [View.of_rooms(np.zeros(layout.rooms), classes=layout.classes) for layout in layouts]
 
     monkeypatch.setattr("bsg_data.observation.masked_buildings.sample_views", views_of)
     seen = store(dataset, MaskRecipe(strategy="rooms"), draws=1)[1].seen
@@ -114,5 +114,5 @@ def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path
     assert len(set(share.tolist())) > 3
     assert ((share > 0.199) & (share < 0.401)).all()
     np.testing.assert_allclose(share, share.round(2), atol=1e-6)
-    there, hidden = masked.targets[first].sum(axis=1), masked.hidden[first].sum(axis=1)
-    assert hidden.tolist() == np.floor(share.round(2) * there + 1e-9).tolist()
+    present, hidden = masked.targets[first].sum(axis=1), masked.hidden[first].sum(axis=1)
+    assert hidden.tolist() == np.floor(share.round(2) * present + 1e-9).tolist()

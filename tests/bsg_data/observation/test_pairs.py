@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from conftest import annotation_text, write_scene
 from one_building import read_pairs
@@ -68,26 +67,11 @@ def test_the_same_bytes_with_any_number_of_workers(
 ) -> None:
     monkeypatch.setattr("bsg_data.observation.pairs.SCENES_PER_FILE", 3)
     monkeypatch.setattr("bsg_data.observation.pairs.ROWS_PER_GROUP", 10)
-    one = write_pairs(dataset, PairsRecipe(draws=5), force=True)
+    alone = write_pairs(dataset, PairsRecipe(draws=5), force=True)
     with ThreadPoolExecutor(4) as pool:
         many = write_pairs(dataset, PairsRecipe(draws=5), force=True, executor=pool)
-    assert one == many
-    assert len(one.files_of("pairs")) == 6  # 10 buildings of train in four files
-
-
-def test_workers_can_divide_whole_buildings_of_a_split(
-    dataset: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("bsg_data.observation.pairs.SCENES_PER_GROUP", 3)
-    manifest = write_pairs(dataset, PairsRecipe(draws=2), force=True)
-    (entry,) = (one for one in manifest.files_of("pairs") if "train" in one.path)
-    file = pq.ParquetFile(dataset / entry.path)
-    groups = [file.read_row_group(number) for number in range(file.num_row_groups)]
-    held = [set(group["scene_id"].to_pylist()) for group in groups]
-    assert [len(scenes) for scenes in held] == [3, 3, 3, 1]
-    assert sum(map(len, held)) == len(set.union(*held))
-    assert {*pa.concat_tables(groups)["split"].to_pylist()} == {"train"}
-    assert read_pairs(dataset, "train").equals(pa.concat_tables(groups))
+    assert alone == many
+    assert len(alone.files_of("pairs")) == 6  # 10 buildings of train in four files
 
 
 def test_pairs_need_force_to_be_replaced(dataset: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from bsg_data.arrays import Counts
@@ -31,13 +29,13 @@ def test_a_withheld_class_shows_where_nothing_is_hidden_and_an_unknown_one_nowhe
 
 
 def test_views_agree_in_single_precision() -> None:
-    one = View.of_rooms(np.array([0.1, 0.7]), classes=2)
-    stored = View(one.visited, one.shares_float32.astype(np.float64), one.withheld, one.nodes)
-    assert stored.hidden_share.tolist() != one.hidden_share.tolist()
-    assert one.agrees(stored)
-    assert not one.agrees(View.of_rooms(np.array([0.1, 0.6]), classes=2))
-    assert not one.agrees(one.withhold(np.array([True, False])))
-    assert one.take(1, 3).hidden_share.tolist() == [0.1, 0.7]
+    view = View.of_rooms(np.array([0.1, 0.7]), classes=2)
+    stored = View(view.visited, view.shares_float32.astype(np.float64), view.withheld, view.nodes)
+    assert stored.hidden_share.tolist() != view.hidden_share.tolist()
+    assert view.agrees(stored)
+    assert not view.agrees(View.of_rooms(np.array([0.1, 0.6]), classes=2))
+    assert not view.agrees(view.withhold(np.array([True, False])))
+    assert view.take(1, 3).hidden_share.tolist() == [0.1, 0.7]
 
 
 CURTAINS = np.array([[1, 0], [3, 5], [0, 5], [2, 0]])  # of four nodes; the second class is beds
@@ -88,13 +86,6 @@ def test_the_share_of_hidden_parts_is_that_of_the_others() -> None:
         np.testing.assert_allclose(gone, expected, rtol=0.12)
 
 
-def test_parts_of_a_withheld_class_are_hidden() -> None:
-    for draw in range(20):
-        _, hidden, gone = hide(MaskRecipe(parts=True, withhold=1.0), draw)
-        assert (hidden == CURTAINS).all()
-        assert gone[[1, 3], 0].tolist() == [3, 4]
-
-
 # Null region, and rooms that hide nothing, 0.29, 0.29 and all.
 SHARES = np.array([0.0, 0.29, 0.29, 1.0])
 CELLS = np.array([[0, 3], [4, 4], [60, 0], [30, 10], [2, 2]])
@@ -107,19 +98,3 @@ def test_a_share_loses_its_exact_number() -> None:
     assert hidden[4].tolist() == [2, 2]
     assert hidden[2:4].sum() == 29, "exact in decimals: in floats 0.29 of 100 is less than 29"
     assert (hidden <= CELLS).all()
-
-
-def test_draws_of_several_views_are_each_as_if_alone() -> None:
-    """Three draws of a view with exact shares, one without, and one with a class withheld."""
-    recipe, scenes = MaskRecipe(), ["a", "b", "c"]
-    exact = View.of_rooms(SHARES, classes=2, exact=True)
-    views = [exact, replace(exact, exact=False), exact.withhold(np.array([True, False]))]
-    streams = MaskStreams([recipe] * 9, scenes * 3, [draw for draw in range(3) for _ in scenes])
-    together = hide_cells(np.concatenate([CELLS, CELLS + 1, CELLS]), views, streams)
-    alone = [
-        hide_cells(cells, [view], MaskStreams([recipe], [scene], [draw]))
-        for draw in range(3)
-        for cells, view, scene in zip((CELLS, CELLS + 1, CELLS), views, scenes, strict=True)
-    ]
-    assert together.tolist() == np.concatenate(alone).tolist()
-    assert len({one.tobytes() for one in alone}) == 9

@@ -4,12 +4,11 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import ClassMapError
-from bsg_data.scene import class_map as class_map_module
 from bsg_data.scene.class_map import (
     Classified,
     OwnMap,
@@ -123,12 +122,10 @@ def test_a_typo_is_mended_if_what_it_may_be_is_one_class(tmp_path: Path) -> None
         ("chair,chair,chair\n", "0,chair,A.\n0,chair,B.\n"),
         ("chair,chair,chair\n", ""),
         ('"chair,chair,chair\n', "0,chair,A chair.\n"),
-        (f"{'x' * 90_000},a,\n{'X' * 90_000},a,chair\n", "0,chair,A.\n"),
-        ("", f"0,{'x' * 90_000},\n{'9' * 90_000},b,\n"),
         ("\udcff,chair,\n", "0,chair,A.\n"),  # no UTF-8
         ("a" * (16 * 2**20), "0,chair,A.\n"),
     ],
-    ids=range(10),
+    ids=range(8),
 )
 def test_a_malformed_map_is_refused_in_few_words(
     tmp_path: Path, spellings: str, classes: str
@@ -158,6 +155,7 @@ def test_a_name_has_one_category_class_and_role(tmp_path: Path) -> None:
     assert {name: class_map.classify(name) for name in expected} == expected
 
 
+@settings(max_examples=30)
 @given(st.binary(), st.none() | st.binary(), st.none() | st.binary())
 def test_files_and_json_give_back_every_byte_of_a_map(
     tmp_path_factory: pytest.TempPathFactory,
@@ -185,15 +183,6 @@ def test_class_spaces() -> None:
     assert {*PAPER.split(",")} <= {*classes}
     found = find_wholes(("bath door", "wall", "basin faucet"), classes)
     assert found.tolist() == [classes.index("bathtub"), -1, classes.index("sink")]
-
-
-def test_strange_words_do_not_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A service meets new ones for as long as it runs."""
-    monkeypatch.setattr(class_map_module, "_MOST_RESOLVED", 3)
-    class_map = parse_own_map(OwnMap(name="small", spellings=HEADER.encode()))
-    for number in range(20):
-        class_map.classify(f"zorg{number}x")
-        assert 0 < len(class_map._resolved) <= 3
 
 
 def test_no_rule_reads_a_name_that_is_too_long() -> None:

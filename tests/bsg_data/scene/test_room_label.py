@@ -39,9 +39,9 @@ s3dis conferenceRoom: meeting room; cobie Physical Examination Room: examination
 
 def test_words_of_sources_and_of_people() -> None:
     """With their case: a letter is Matterport3D's word alone. Of several rooms the first counts."""
-    for said, _, label in (one.partition(": ") for one in re.split("; |\n", OF_SOURCES.strip())):
-        source, _, word = said.partition(" ")
-        assert label_of(source, word) == (None if label == "-" else label), said
+    for words, _, label in (one.partition(": ") for one in re.split("; |\n", OF_SOURCES.strip())):
+        source, _, word = words.partition(" ")
+        assert label_of(source, word) == (None if label == "-" else label), words
     assert label_of("table", None) is None
 
 
@@ -64,8 +64,8 @@ def test_every_label_is_a_word_for_itself_and_models_know_these_in_this_order() 
     assert header == ["source", "source_label", "label"]
     assert rows == sorted(rows)
     assert len({(source, word) for source, word, _ in rows}) == len(rows)
-    told = {kind for source, _, kind in rows if source in ("building", "kind")}
-    assert told == set(SAID_KINDS)
+    kinds = {kind for source, _, kind in rows if source in ("building", "kind")}
+    assert kinds == set(SAID_KINDS)
 
 
 NAMES = """
@@ -187,7 +187,7 @@ def test_number_case_and_hyphens_of_a_room_do_not_matter(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "labels", "unread"),
+    ("room_type", "labels", "unread"),
     [
         (None, None, ()),
         ("zzz", None, ("zzz",)),
@@ -199,9 +199,9 @@ def test_number_case_and_hyphens_of_a_room_do_not_matter(name: str) -> None:
     ],
 )
 def test_what_is_not_read_of_a_type_is_not_said(
-    said: RoomType | None, labels: RoomType | None, unread: tuple[str, ...]
+    room_type: RoomType | None, labels: RoomType | None, unread: tuple[str, ...]
 ) -> None:
-    read = read_room_type(said)
+    read = read_room_type(room_type)
     assert (read.labels, read.unread) == (labels, unread)
     assert read_room_type(read.labels).labels == labels
 

@@ -1,10 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
-from bsg_data.scene.connections import GIVEN, Connections, stack_connections
 from bsg_data.scene.scene_graph import BUILDING, Box, Edge, Room, SceneGraph, SceneObject
 
 
@@ -24,13 +19,3 @@ def test_nodes_are_the_building_then_rooms_then_objects() -> None:
     placed = SceneObject(1, 1, 2, "bed", box=box)
     graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (placed,), class_map="m")
     assert (bare.has_geometry, graph.has_geometry) == (False, True)
-
-
-def test_connections_of_buildings_are_numbered_one_after_another() -> None:
-    nothing = Connections.of_pairs(())
-    doors = replace(Connections.of_pairs([(1, 2)]), methods=np.array(["door"]))
-    every = stack_connections([doors, nothing, Connections.of_pairs([(1, 3)])], [0, 3, 4])
-    assert every.pairs.tolist() == [[1, 2], [5, 7]]
-    assert every.methods.tolist() == ["door", GIVEN]
-    assert np.isnan(every.lengths).all()
-    assert len(stack_connections([nothing] * 2, [0, 1])) == 0

@@ -26,7 +26,6 @@ from bsg_data.scene.surroundings import (
     Surroundings,
     find_floor_area,
     measure_area,
-    stack_surroundings,
 )
 
 LABELS = list_room_labels()
@@ -78,10 +77,10 @@ other: Other
 
 
 def test_a_word_for_a_building_is_read_as_its_kind() -> None:
-    said = dict(line.split(": ") for line in WORDS.strip().split("\n"))
-    assert set(said) == set(SAID_KINDS)
-    read = {kind: set(map(read_building_kind, said[kind].split(", "))) for kind in said}
-    assert read == {kind: {kind} for kind in said}
+    words = dict(line.split(": ") for line in WORDS.strip().split("\n"))
+    assert set(words) == set(SAID_KINDS)
+    read = {kind: set(map(read_building_kind, words[kind].split(", "))) for kind in words}
+    assert read == {kind: {kind} for kind in words}
     assert {read_building_kind(word) for word in ("castle", "zzz", "unknown", "zzz 3", "")} == {
         None
     }
@@ -91,21 +90,13 @@ def test_a_word_for_a_building_is_read_as_its_kind() -> None:
 def test_a_room_type_is_a_distribution_or_nothing(shares: list[float]) -> None:
     """What the probabilities leave is spread over all labels."""
     total = max(1.0, sum(shares))
-    said = {label: share / total for label, share in zip(LABELS, shares, strict=False)}
-    row = surround_rooms([None], [said]).labels[1]
-    rest = max(0.0, 1 - sum(said.values())) / len(LABELS) if any(said.values()) else 0.0
-    expected = [said.get(label, 0.0) + rest for label in LABELS]
+    types = {label: share / total for label, share in zip(LABELS, shares, strict=False)}
+    row = surround_rooms([None], [types]).labels[1]
+    rest = max(0.0, 1 - sum(types.values())) / len(LABELS) if any(types.values()) else 0.0
+    expected = [types.get(label, 0.0) + rest for label in LABELS]
     assert row.tolist() == pytest.approx(expected, abs=1e-5)
-    known = read_room_type(said)
+    known = read_room_type(types)
     assert read_room_type(known.labels) == known
-
-
-def test_taking_inverts_stacking(office: Surroundings) -> None:
-    shed = Surroundings.unknown(nodes=4)
-    both = stack_surroundings([office, shed, office])
-    assert len(both) == 10
-    assert same_surroundings(both.take(slice(0, 3), buildings=slice(0, 1)), office)
-    assert same_surroundings(both.take(np.arange(3, 7), buildings=np.array([1])), shed)
 
 
 def test_evidence_is_left_out(office: Surroundings) -> None:
@@ -118,7 +109,7 @@ def test_evidence_is_left_out(office: Surroundings) -> None:
 
 
 @pytest.mark.parametrize(
-    "said",
+    "room_type",
     [
         {"kitchen": -0.1},
         {"kitchen": float("nan")},
@@ -128,9 +119,9 @@ def test_evidence_is_left_out(office: Surroundings) -> None:
         {str(number): 0.0 for number in range(1001)},
     ],
 )
-def test_a_room_type_that_cannot_be_is_refused(said: RoomType) -> None:
+def test_a_room_type_that_cannot_be_is_refused(room_type: RoomType) -> None:
     with pytest.raises(RecipeError):
-        check_room_type(said)
+        check_room_type(room_type)
 
 
 def test_the_first_that_says_a_floor_area_counts() -> None:
@@ -140,8 +131,8 @@ def test_the_first_that_says_a_floor_area_counts() -> None:
     for shape in (None, line, line[:2]):  # no shape, or one without an area
         assert find_floor_area(None, footprint=shape, box=BOX) == 6
         assert find_floor_area(None, footprint=shape, box=None) is None
-    for said in (0.0, -1.0, float("nan"), float("inf"), 1e6):  # no room has it
-        assert find_floor_area(said, footprint=None, box=BOX) == 6
+    for area in (0.0, -1.0, float("nan"), float("inf"), 1e6):  # no room has it
+        assert find_floor_area(area, footprint=None, box=BOX) == 6
     for box in (Box((0, 0, 0), (1e4, 1e4, 3)), Box((3, 0, 0), (1, 2, 2))):
         assert find_floor_area(None, footprint=None, box=box) is None
 

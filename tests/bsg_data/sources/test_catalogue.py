@@ -11,22 +11,11 @@ from conftest import write_twelve
 from refusals import refuses
 
 from bsg_data.errors import SourceError
-from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
-from bsg_data.sources.source import Source, SourceRow
-from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.sources.catalogue import SOURCES, open_source, parse_options
+from bsg_data.sources.source import SourceRow
 from bsg_data.terms import Terms
 
 NONE = SourceRow("no source", lambda path: path, None)
-
-
-def test_every_row_opens_a_source_of_its_kind(tmp_path: Path) -> None:
-    list(write_synthetic(tmp_path / "synth", scenes=1, seed=0))
-    for name in SOURCES:
-        path = tmp_path / "synth" if name == "synthetic" else tmp_path
-        source = open_source(name, path)
-        assert isinstance(source, Source)
-        assert (source.kind, source.path) == (name, path)
-    assert find_terms("gone") is None
 
 
 def test_real_buildings_are_no_synthetic_ones(tmp_path: Path) -> None:

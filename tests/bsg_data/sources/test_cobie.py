@@ -113,7 +113,7 @@ KEPT = ["Nail bar", "None of yours", "Unknown soldier's chapel", "-1", "0", "Tba
 def list_rooms(path: Path, *rows: Sequence[Any]) -> list[tuple[str, str | None]]:
     """Return word and label of spaces with name, category, description and tag, as Revit has."""
     header = ["Name", "Category", "FloorName", "Description", "RoomTag"]
-    space = [header, *([name, kind, "n/a", said, tag] for name, kind, said, tag in rows)]
+    space = [header, *([name, kind, "n/a", text, tag] for name, kind, text, tag in rows)]
     rooms = read(write_book(path, {"Space": space})).graph.rooms
     return [(room.source_label, room.label) for room in rooms]
 
@@ -167,26 +167,26 @@ def test_a_word_that_says_nothing_is_an_empty_cell_in_every_column(
         }
         return read(write_book(tmp_path / "b.xlsx", sheets))
 
-    said, empty = reading(word), reading(None)
-    assert (said.graph.rooms, said.graph.objects) == (empty.graph.rooms, empty.graph.objects)
-    assert said.left_out == empty.left_out
-    (kitchen,) = said.graph.rooms
+    silent, empty = reading(word), reading(None)
+    assert (silent.graph.rooms, silent.graph.objects) == (empty.graph.rooms, empty.graph.objects)
+    assert silent.left_out == empty.left_out
+    (kitchen,) = silent.graph.rooms
     assert (kitchen.source_label, kitchen.floor_area) == ("Kitchen", 9)
 
 
 @pytest.mark.parametrize(
-    ("unit", "said", "area", "why"),
+    ("unit", "cell", "area", "why"),
     [
         *((unit, 100, 100, "") for unit in ("squaremeters", "Square Metres", "sq. m")),
         ("sq ft", 100, 9.290304, ""),
         *((unit, 100, None, "unknown unit") for unit in ("tatami", "square millimeters")),
-        *(("m2", said, None, "no possible number") for said in ("12,5", -5, 1e300, 0)),
+        *(("m2", cell, None, "no possible number") for cell in ("12,5", -5, 1e300, 0)),
     ],
 )
 def test_an_area_that_cannot_be_is_left_out_and_counted(
-    tmp_path: Path, unit: str, said: object, area: float | None, why: str
+    tmp_path: Path, unit: str, cell: object, area: float | None, why: str
 ) -> None:
-    sheets = {"Facility": [["AreaUnits"], [unit]], "Space": [["Name", "NetArea"], ["a", said]]}
+    sheets = {"Facility": [["AreaUnits"], [unit]], "Space": [["Name", "NetArea"], ["a", cell]]}
     reading = read(write_book(tmp_path / "b.xlsx", sheets))
     assert reading.graph.rooms[0].floor_area == (area if area is None else pytest.approx(area))
     assert [why in skip.reason for skip in reading.left_out if "area" in skip.reason] == (

@@ -24,23 +24,6 @@ def parse(graph: Graph) -> DSGFile:
     return parse_dsg(graph, path=PATH)
 
 
-def test_a_graph_by_hand() -> None:
-    graph = parse(robot_graph())
-    assert [(room.name, room.position) for room in graph.rooms] == [
-        ("kitchen", (0, 0, 0.5)),
-        (None, (3, 0, 0.5)),
-    ]
-    assert graph.adjacency == ((0, 1),), "once, whichever way it is written and however often"
-    sofa, tv, chair, last = graph.objects
-    assert [obj.room for obj in graph.objects] == [0, 0, None, 1], "over places, or directly"
-    assert sofa.box == Box((0, 0.5, 0.5), (2, 1.5, 1.5))
-    assert tv.box is not None
-    assert tv.box.minimum == pytest.approx((2.5, 0, 0.5)), "a quarter turn swaps length and width"
-    assert tv.box.maximum == pytest.approx((3.5, 2, 1.5))
-    assert (chair.label, chair.label_name, chair.name) == (None, None, "chair_12")
-    assert (last.label, last.label_name, last.position) == (99, None, None)
-
-
 def test_older_boxes_have_corners() -> None:
     graph = robot_graph()
     older = {"min": [1, 2, 3], "max": [2, 4, 6], "world_P_center": [1.5, 3, 4.5]}
@@ -61,9 +44,9 @@ def as_version_1_0(graph: Graph) -> None:
     """Write as the recorded apartment does: no partitions; an agent has a prefix and a time."""
     graph["layer_ids"], graph["mesh_layer_id"] = [2, 3, 4, 5], 1
     graph["layer_names"] = {"OBJECTS": 2, "ROOMS": 4}
-    for one in graph["nodes"]:
-        if one.pop("partition"):
-            one |= {"prefix": 97, "timestamp": 1}
+    for entry in graph["nodes"]:
+        if entry.pop("partition"):
+            entry |= {"prefix": 97, "timestamp": 1}
 
 
 def as_version_1_1_2(graph: Graph) -> None:
@@ -74,10 +57,10 @@ def as_version_1_1_2(graph: Graph) -> None:
 
 def elsewhere(graph: Graph) -> None:
     """Put objects and rooms into layers and partitions of other numbers, and say so."""
-    for one in graph["nodes"]:
-        if one["layer"] == 2 and not one["partition"]:
-            one["partition"] = 3
-        one["layer"] = {2: 6, 4: 20, 5: 30}.get(one["layer"], 9)
+    for entry in graph["nodes"]:
+        if entry["layer"] == 2 and not entry["partition"]:
+            entry["partition"] = 3
+        entry["layer"] = {2: 6, 4: 20, 5: 30}.get(entry["layer"], 9)
     graph["layer_names"] = {
         "OBJECTS": {"layer": 6, "partition": 3},
         "ROOMS": {"layer": 20, "partition": 0},
@@ -121,12 +104,12 @@ def too_large(graph: Graph) -> None:
         too_large,
         *(
             pytest.param(
-                lambda graph, kind=kind, most=most: graph.update(
-                    {kind: graph[kind][:1] * (most + 1)}
+                lambda graph, kind=kind, bound=bound: graph.update(
+                    {kind: graph[kind][:1] * (bound + 1)}
                 ),
                 marks=pytest.mark.heavy,
             )
-            for kind, most in (("nodes", MAX_GRAPH_NODES), ("edges", MAX_GRAPH_EDGES))
+            for kind, bound in (("nodes", MAX_GRAPH_NODES), ("edges", MAX_GRAPH_EDGES))
         ),
     ],
 )
@@ -142,14 +125,6 @@ def test_an_edge_without_its_node_is_left_out_and_counted() -> None:
     whole = parse(graph)
     graph["edges"].append({"source": graph["nodes"][0]["id"], "target": 5})
     assert parse(graph) == replace(whole, lost=1)
-
-
-def test_a_graph_of_neither_nodes_nor_layers_is_none() -> None:
-    empty: Graph = {"nodes": [], "edges": []}
-    with refuses(SourceError, "dsg-malformed", PATH):
-        parse(empty)
-    layers = {"layer_names": {"ROOMS": {"layer": 4, "partition": 0}}}
-    assert parse({**empty, **layers}).rooms == ()
 
 
 def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:

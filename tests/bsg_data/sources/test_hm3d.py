@@ -67,8 +67,8 @@ def test_the_path_says_id_split_and_version(
 ) -> None:
     blob = tmp_path / "blobs" / "deadbeef"
     file = tmp_path / "hm3d" / path
-    for one in (blob, file):
-        one.parent.mkdir(parents=True)
+    for place in (blob, file):
+        place.parent.mkdir(parents=True)
     blob.write_text(TEXT, "utf-8")
     file.symlink_to(blob)  # as git-annex and download caches lay files out
     (ref,) = HM3DFolder(tmp_path / "hm3d").find().scenes
@@ -147,13 +147,13 @@ def test_a_malformed_line_costs_a_line_and_all_are_reported(tmp_path: Path) -> N
     """An object whose colour no mesh can have, or another has, is kept without one."""
     lines = [b'7,FF,"table",0', *MALFORMED, b'9,AB,"bed",1']
     for number, (line, why) in enumerate(MALFORMED.items(), start=1):
-        found, (said,) = parse_annotation(b"\n".join([HEADER.encode(), lines[0], line]), path=FILE)
-        assert said.startswith(f"line 3: {why}"), number
+        found, (fault,) = parse_annotation(b"\n".join([HEADER.encode(), lines[0], line]), path=FILE)
+        assert fault.startswith(f"line 3: {why}"), number
         assert len(found.names) == 1 + ("colour" in why)
     write_scene(tmp_path / "source", "00001-AbCdEfGhIjK", b"\n".join([HEADER.encode(), *lines]))
     source = HM3DFolder(tmp_path / "source")
     manifest = build_dataset(source, tmp_path / "out")
-    numbers = [int(one.reason.split()[1].strip(":")) for one in manifest.left_out]
+    numbers = [int(skip.reason.split()[1].strip(":")) for skip in manifest.left_out]
     assert numbers == [*range(3, 3 + len(MALFORMED))]
     (graph,) = read_scene_graphs(tmp_path / "out")
     assert [(obj.raw_category, obj.colour) for obj in graph.objects] == [

@@ -67,7 +67,11 @@ def test_a_house_by_hand(tmp_path: Path) -> None:
         (4, 0, "wall /otherroom"),
     ], "what is in no room and in a mirror is the building's"
     assert graph.objects[0].centroid == (1, 1, 0.25)
-    assert graph.objects[2].box is None
+    turned = graph.objects[1].box  # a square of 2 m turned by 45 degrees is 2 √2 m wide
+    assert turned is not None
+    assert turned.minimum == pytest.approx((6 - 2**0.5, 2 - 2**0.5, 0), abs=1e-6)
+    assert turned.maximum == pytest.approx((6 + 2**0.5, 2 + 2**0.5, 1), abs=1e-6)
+    assert graph.objects[2].box is None, "radii below 0 are an empty box"
 
 
 def test_levels_are_counted_from_the_bottom(tmp_path: Path) -> None:
@@ -79,15 +83,6 @@ def test_levels_are_counted_from_the_bottom(tmp_path: Path) -> None:
     for level, expected in (("1", [1, 0]), ("-1", [0, 0])):
         house = write_house(tmp_path / "a.house", text.replace("R  1 0", f"R  1 {level}"))
         assert [room.floor_index for room in read(house).rooms] == expected
-
-
-def test_oriented_boxes_are_surrounded() -> None:
-    house = _parse_house(HOUSE.encode(), path=PATH)
-    turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
-    assert turned is not None
-    assert turned.minimum == pytest.approx((6 - 2**0.5, 2 - 2**0.5, 0), abs=1e-6)
-    assert turned.maximum == pytest.approx((6 + 2**0.5, 2 + 2**0.5, 1), abs=1e-6)
-    assert house.objects[2][2] is None, "radii below 0 are an empty box"
 
 
 def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> None:

@@ -16,7 +16,7 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
-from bsg_data.exports.habitat import _encode_regions
+from bsg_data.exports.habitat import ROW
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.catalogue import open_source
@@ -86,7 +86,7 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
     assert graph.adjacency == (Edge(1, 2, "adjacent", "layout", pytest.approx(18**0.5)),)
 
 
-def region_of(**said: Any) -> dict[str, Any]:
+def region_of(**changes: Any) -> dict[str, Any]:
     return {
         "name": "region_3",
         "label": "bathroom",
@@ -95,7 +95,7 @@ def region_of(**said: Any) -> dict[str, Any]:
         "extrusion_height": 2,
         "min_bounds": [0, 1, -3],
         "max_bounds": [4, 3, 0],
-        **said,
+        **changes,
     }
 
 
@@ -106,7 +106,7 @@ def regions(*listed: dict[str, Any]) -> str:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("rooms: [", "no YAML"),
+        ("rooms: [", "expected YAML"),
         (LAYOUT.replace("x: 1.0", "x: .nan"), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("y: 2.5", "y: -2.5", 1), "rooms.room_1.dims.y"),
         (LAYOUT.replace("room_2", "cellar"), "rooms.cellar"),
@@ -187,8 +187,11 @@ def test_labels_alone_leave_levels_terms_and_connections_as_the_source_says(tmp_
     rows = ["a,1,stove,0,2,0,0,0,1,1,1", "a,2,bed,3,,0,0,0,1,1,1"]  # one height, two levels
     text = "\n".join([f"scene,room,category,floor,connected,{box}", *rows])
     (tmp_path / "o.csv").write_text(text)
-    path, said = tmp_path / "a.yaml", "rooms: {room_1: {label: kitchen}, room_2: {label: bedroom}}"
-    path.write_text(said)
+    path, yaml = (
+        tmp_path / "a.yaml",
+        "rooms: {room_1: {label: kitchen}, room_2: {label: bedroom}}",
+    )
+    path.write_text(yaml)
     terms = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe"}
     own = open_source("table", tmp_path / "o.csv", **terms)
     source = WithLayouts(own, path)
@@ -200,7 +203,7 @@ def test_labels_alone_leave_levels_terms_and_connections_as_the_source_says(tmp_
     assert [edge.method for edge in graph.adjacency] == ["given"]
     assert source.terms == getattr(own, "terms", None)
     assert source.terms is not None
-    path.write_text(f"{said}\nconnections: []")
+    path.write_text(f"{yaml}\nconnections: []")
     assert read_one(source, "a")[0].adjacency == (), "a layout may say that none connect"
 
 
@@ -316,7 +319,7 @@ def test_what_is_exported_for_habitat_comes_back_onto_a_build_without_it(tmp_pat
     graphs = {scene: read_one(placed, scene)[0] for scene in scenes}
     back.mkdir()
     for graph in graphs.values():
-        for name, data in _encode_regions(graph).files.items():
+        for name, data in ROW.encode(graph, ()).files.items():
             (back / name).write_bytes(data)
     for scene, graph in graphs.items():
         found, left_out = read_one(WithLayouts(plain, back), scene)

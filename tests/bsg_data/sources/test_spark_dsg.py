@@ -64,6 +64,12 @@ def test_a_graph_by_hand(tmp_path: Path) -> None:
     assert edge.distance_m == pytest.approx((1 + 1 + 0.25) ** 0.5)
     names = [(obj.instance_id, obj.room_index, obj.raw_category) for obj in graph.objects]
     assert names == [(2, 1, "sofa"), (5, 1, "tv_monitor"), (6, 0, "chair"), (9, 2, "label 99")]
+    sofa, screen, _, last = graph.objects
+    assert sofa.box == Box((0, 0.5, 0.5), (2, 1.5, 1.5))
+    assert screen.box is not None
+    assert screen.box.minimum == pytest.approx((2.5, 0, 0.5)), "a quarter turn swaps its sides"
+    assert screen.box.maximum == pytest.approx((3.5, 2, 1.5))
+    assert last.centroid is None
 
 
 @pytest.mark.parametrize(
@@ -104,7 +110,7 @@ def test_what_is_no_graph_is_skipped_with_the_reason(tmp_path: Path) -> None:
     (tmp_path / "graphs" / "cut.json").write_text("{")
     manifest = build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "both")
     cut, skip = manifest.skipped
-    assert cut.reason.startswith("no JSON")
+    assert cut.reason.startswith("expected JSON")
     assert skip.location == "settings.json"
     assert skip.reason == "expected a Spark-DSG graph; nodes: Field required"
 

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refuses
 
@@ -94,15 +94,16 @@ def test_a_table_worked_out_by_hand(tmp_path: Path) -> None:
     ]
 
 
+@settings(max_examples=20)
 @given(st.randoms())
 def test_the_order_of_rows_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, chance: random.Random
 ) -> None:
     rows = list(ROWS)
     chance.shuffle(rows)
-    one = write_table(tmp_path_factory.mktemp("a"), *ROWS)
-    other = write_table(tmp_path_factory.mktemp("b"), *rows)
-    assert read_all(one) == read_all(other)
+    ordered = write_table(tmp_path_factory.mktemp("a"), *ROWS)
+    shuffled = write_table(tmp_path_factory.mktemp("b"), *rows)
+    assert read_all(ordered) == read_all(shuffled)
 
 
 GIVEN = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe, 2026"}
@@ -172,8 +173,8 @@ def read_everywhere(folder: Path, rows: Rows) -> tuple[list[SceneGraph], list[st
     """Return the graphs and the notes, which are the same in every kind of file."""
     first, *others = [answer(path) for path in write_everywhere(folder, rows)]
     assert others == [first] * len(others)
-    graphs = [one for one in first if isinstance(one, SceneGraph)]
-    return graphs, [one for one in first if isinstance(one, str)]
+    graphs = [item for item in first if isinstance(item, SceneGraph)]
+    return graphs, [item for item in first if isinstance(item, str)]
 
 
 def in_rooms(names: Sequence[object]) -> Rows:
@@ -201,6 +202,7 @@ def tables(draw: st.DrawFn) -> Rows:
     return [{**row, "y": row["x"], "z": row["x"]} for row in rows]
 
 
+@settings(max_examples=50)
 @given(tables())
 def test_the_same_rows_are_the_same_scenes_in_every_kind_of_file(
     tmp_path_factory: pytest.TempPathFactory, rows: Rows
@@ -286,10 +288,6 @@ UNREAD = "columns that are not read: "
         ("scene,room,category,note,note\na,1,bed,x,y\n", [UNREAD + "note, note"]),
         ("scene,SCENE,room,category\na,b,1,bed\n", [UNREAD + "SCENE"]),
         ('scene,room,category,memo\na,1,bed,"two\nlines"\n', [UNREAD + "memo"]),
-        (
-            f"scene,room,category{''.join(f',c{n}' for n in range(2000))}\na,1,bed{',' * 2000}\n",
-            [f"{UNREAD}{', '.join(f'c{n}' for n in range(20))} and 1,980 more"],
-        ),
         (
             "scene,room,category\na,1,bed\nscene,room,category\n",
             [],

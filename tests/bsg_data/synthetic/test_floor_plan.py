@@ -11,40 +11,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_data.build import build_dataset
-from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.room_layouts import WithLayouts
-from bsg_data.synthetic.building import read_rooms, synthesise
-from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.building import synthesise
 from bsg_data.synthetic.floor_plan import draw_floor_plan, draw_layout
-
-SCENES = 20
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> list[SceneGraph]:
-    """The scene graphs of twenty buildings with their layouts, none of which is left out."""
-    folder = tmp_path_factory.mktemp("synthetic")
-    list(write_synthetic(folder / "buildings", scenes=SCENES, seed=4))
-    source = WithLayouts(HM3DFolder(folder / "buildings"), folder / "buildings" / "layouts")
-    manifest = build_dataset(source, folder / "dataset", strict=True)
-    assert (manifest.totals.placed, manifest.left_out) == (SCENES, ())
-    return list(read_scene_graphs(folder / "dataset"))
-
-
-def test_every_room_is_placed_named_and_can_be_reached(built: list[SceneGraph]) -> None:
-    for graph in built:
-        rooms = nx.Graph()
-        rooms.add_nodes_from(room.room_index for room in graph.rooms)
-        rooms.add_edges_from((edge.source, edge.target) for edge in graph.adjacency)
-        assert nx.is_connected(rooms)
-        assert {edge.method for edge in graph.adjacency} <= {"layout"}
-        for room in graph.rooms:
-            assert room.box is not None
-            assert room.floor_area
-            assert room.source_label in read_rooms().kinds
 
 
 def test_axes_and_form_are_those_of_domestigraph() -> None:

@@ -57,17 +57,17 @@ def two_words(draw: st.DrawFn) -> tuple[str, str]:
 @given(two_words())
 def test_a_typo_is_one_step_that_keeps_the_first_letter(words: tuple[str, str]) -> None:
     """The steps by their definition: leave out, put in, replace, swap."""
-    said, word = words
+    typed, word = words
     places = range(len(word) + 1)
     steps = {word[:i] + word[i + 1 :] for i in places}
     steps |= {word[:i] + letter + word[i:] for i in places for letter in "abc"}
     steps |= {word[:i] + letter + word[i + 1 :] for i in places for letter in "abc"}
     steps |= {word[:i] + word[i : i + 2][::-1] + word[i + 2 :] for i in places}
-    steps = {one for one in steps - {word} if one[:1] == word[:1]}
-    assert is_typo(said, word) == (said in steps)
-    found = Spellings([word, "so many things"]).mend(f"so many {said} things", real=())
-    is_long = len(said) >= 5 and len(word) >= 4
-    assert (f"so many {word} things" in found) == (is_long and is_typo(said, word))
+    steps = {step for step in steps - {word} if step[:1] == word[:1]}
+    assert is_typo(typed, word) == (typed in steps)
+    found = Spellings([word, "so many things"]).mend(f"so many {typed} things", real=())
+    is_long = len(typed) >= 5 and len(word) >= 4
+    assert (f"so many {word} things" in found) == (is_long and is_typo(typed, word))
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ TIMES = st.floats(-1e11, 1e11)
 
 
 @pytest.mark.parametrize(
-    "said",
+    "moment",
     [
         "2026-11-28T12:00:00Z",
         "2026-11-28T13:00:00+01:00",
@@ -30,13 +30,13 @@ TIMES = st.floats(-1e11, 1e11)
         np.int64(NOON),
     ],
 )
-def test_one_moment_in_all_forms(said: Any) -> None:
-    assert read_time(said) == NOON
-    assert show_time(read_time(said)) == "2026-11-28T12:00:00Z"
+def test_one_moment_in_all_forms(moment: Any) -> None:
+    assert read_time(moment) == NOON
+    assert show_time(read_time(moment)) == "2026-11-28T12:00:00Z"
 
 
 @pytest.mark.parametrize(
-    ("said", "why"),
+    ("value", "why"),
     [
         ("2026-11-28T12:00:00", "zone"),
         (datetime(2026, 11, 28), "zone"),
@@ -51,15 +51,15 @@ def test_one_moment_in_all_forms(said: Any) -> None:
         (None, "expected a time"),
     ],
 )
-def test_what_is_no_time_is_refused(said: Any, why: str) -> None:
+def test_what_is_no_time_is_refused(value: Any, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        read_time(said)
+        read_time(value)
 
 
 @given(TIMES)
-def test_a_time_that_was_read_is_shown_and_read_back(said: float) -> None:
-    time = read_time(said)
-    assert abs(time - said) <= 1e-6 + 1e-12 * abs(said)
+def test_a_time_that_was_read_is_shown_and_read_back(seconds: float) -> None:
+    time = read_time(seconds)
+    assert abs(time - seconds) <= 1e-6 + 1e-12 * abs(seconds)
     assert read_time(show_time(time)) == time
     assert read_time(str(show_time(time))) == time if time >= 1e8 else show_time(time) == time
 

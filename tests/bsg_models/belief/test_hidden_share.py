@@ -57,7 +57,7 @@ def test_the_more_was_in_view_the_less_is_hidden(part: float, more: float) -> No
 
 
 @pytest.mark.parametrize(
-    "said",
+    "look",
     [
         {"floor_in_view": 1.1},
         {"walls_in_view": math.nan},
@@ -70,6 +70,6 @@ def test_the_more_was_in_view_the_less_is_hidden(part: float, more: float) -> No
         {"visited": False, "seconds_inside": 1.0},
     ],
 )
-def test_a_look_that_cannot_be_is_refused(said: dict[str, Any]) -> None:
+def test_a_look_that_cannot_be_is_refused(look: dict[str, Any]) -> None:
     with pytest.raises(RecipeError):
-        estimate_hidden_share(**said)
+        estimate_hidden_share(**look)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -16,17 +15,12 @@ from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.partial_graph import (
     MOST_HIDDEN,
     KnownRoom,
-    Look,
     PartialGraph,
     SeenObject,
 )
-from bsg_robot.graph import reports
 from bsg_robot.graph.reports import (
-    describe,
-    discover,
     enter,
     find_all,
-    find_near,
     see_object,
 )
 
@@ -139,52 +133,8 @@ def test_entering_a_room_tells_what_it_hides(
     assert graph.hidden_share == pytest.approx((after + 1) / 2)
 
 
-def test_a_new_room_is_the_last_and_beside_others() -> None:
-    graph = discover(GRAPH, KnownRoom("hall", 1.0, visited=False), beside=[2, 1])
-    assert [room.name for room in graph.rooms] == ["a", "b", "hall"]
-    assert graph.adjacency == ((1, 2), (1, 3), (2, 3))
-    assert graph.hidden_share == pytest.approx((2 * 0.5 + 1) / 3)
-    with refuses(RecipeError, "room-known", where="a"):
-        discover(GRAPH, KnownRoom("a", 1.0))
-    with refuses(RecipeError, "room-beside-itself", "a"):
-        describe(GRAPH, 1, GRAPH.rooms[0], beside=[1])
-
-
-# Looks, scores, and sightings of the same thing
-
-
-look = partial(reports.look, stays=lambda _: 48.0)
-
-
-def test_looks_of_one_thing_in_one_room_become_one() -> None:
-    graph = look(GRAPH, Look(1, "mug", 0.8))
-    graph = look(graph, Look(2, "mug", 0.5))
-    graph = look(graph, Look(1, "Mug", 0.5))
-    of_both = pytest.approx(1 - 0.12 - 0.88 * (1 - 0.8 / 0.88) * (1 - 0.5 / 0.88))
-    assert [(one.room_index, one.chance) for one in graph.looks] == [(2, 0.5), (1, of_both)]
-    for _ in range(100):
-        graph = look(graph, Look(1, "mug", 0.8))
-    assert graph.looks[-1].chance < 1
-    assert look(graph, Look(1, "mug", 1.0)).looks[-1].chance == 1
-
-
 def test_models_read_what_is_probably_there() -> None:
     before = GRAPH.histograms()[:, CLASS["sink"]].tolist()
     for score, more in ((0.5, 1), (0.49, 0), (None, 1)):
         graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=score))
         assert graph.histograms()[1, CLASS["sink"]] == before[1] + more
-
-
-def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
-    near = replace(seen("near", 1, "sink"), position=(0.3, 0.0, 0.0))
-    far = replace(seen("far", 1, "sink"), position=(9.0, 0.0, 0.0))
-    graph = see_object(see_object(GRAPH, near), far)
-    new = replace(seen("new", 1, "sink"), position=(0.0, 0.0, 0.0))
-    assert find_near(graph, new, within=0.5) == near
-    assert find_near(graph, new, within=0.2) is None
-    assert find_near(graph, new, within=0.5, besides=["near"]) is None
-    assert find_near(graph, replace(new, room_index=2), within=0.5) is None
-    assert find_near(graph, new, within=0) is None
-    bed = replace(new, class_index=CLASS["bed"], raw_category="bed", category="bed")
-    assert find_near(graph, bed, within=0.5) == GRAPH.objects[0], "of which no position is known"
-    assert find_near(graph, replace(new, position=None), within=0.5) == near

@@ -116,16 +116,6 @@ def test_a_building_without_rooms_may_be_a_batch_of_its_own(last_layer: str) -> 
     assert all((model.state()[name] == values).all() for name, values in before.items())
 
 
-def test_what_exceeds_the_input_is_hidden() -> None:
-    model = make()
-    totals = model(model.read(SEEN)).detach().numpy()
-    found = model.expect(SEEN)
-    np.testing.assert_allclose(found.totals, totals.clip(min=0), rtol=1e-5)
-    hidden = (totals - SEEN.inputs).clip(min=0)
-    np.testing.assert_allclose(found.hidden, hidden, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(found.presence, 1 - np.exp(-hidden), rtol=1e-4, atol=1e-5)
-
-
 @pytest.mark.parametrize(("masks", "number"), [("fixed", 4), ("fresh", 1)])
 def test_epochs_are_all_buildings_in_an_order_of_their_own(
     masks: str, number: int, dataset: Path

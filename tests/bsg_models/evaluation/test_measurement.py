@@ -16,6 +16,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
+from bsg_models.evaluation.catalogue import head_value, label_value, list_values
 from bsg_models.evaluation.details import Details
 from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
 from bsg_models.evaluation.truth import Prediction, Truth
@@ -52,8 +53,15 @@ def evaluate(
 
 def measure_one(folds: list[Prediction], *, resamples: int) -> Bootstrap:
     """Return the metrics of one model whose folds have these predictions."""
-    each = [Fold(one.truth.scene_ids, [{"": one}]) for one in folds]
+    each = [Fold(fold.truth.scene_ids, [{"": fold}]) for fold in folds]
     return measure(each, resamples=resamples)[""]
+
+
+def test_every_value_has_a_label_of_its_own() -> None:
+    labels = [label_value(name) for name in list_values()]
+    assert len(set(labels)) == len(labels)
+    assert label_value("building/energy_values/variance") == "variance of energy, building"
+    assert head_value("rooms/presence_auroc_macro/unvisited") == "unvisited AUROC macro ↑"
 
 
 def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
@@ -103,18 +111,18 @@ def test_folds_are_averaged_and_never_pooled(dataset: Path) -> None:
         model.fit(data, DataConfig())
         masked = read_split(data, "test")
         folds.append((read_truth(masked), predict_all(model, masked)))
-    every = measure_one([Prediction(*one) for one in folds], resamples=2)
+    every = measure_one([Prediction(*pair) for pair in folds], resamples=2)
     assert every.point["rooms/presence_auroc_macro/all"] == 0.5
     assert every.point["rooms/presence_auroc_macro/unseen"] == 0.5
-    alone = [evaluate(*one) for one in folds]
+    alone = [evaluate(*pair) for pair in folds]
     name = "rooms/correlation_frobenius"
-    assert every.point[name] == pytest.approx(np.mean([one[name] for one, _ in alone]))
+    assert every.point[name] == pytest.approx(np.mean([pair[name] for pair, _ in alone]))
     # A building that is in several folds has one weight in all.
     scenes = sorted({scene for truth, _ in folds for scene in truth.scene_ids})
     resample = dict(zip(scenes, weigh_buildings(len(scenes), resamples=2, seed=0), strict=True))
     weights = [np.array([float(resample[s][2]) for s in truth.scene_ids]) for truth, _ in folds]
     name = "rooms/hidden_nll"
-    expected = [evaluate(*one, own)[0][name] for one, own in zip(folds, weights, strict=True)]
+    expected = [evaluate(*pair, own)[0][name] for pair, own in zip(folds, weights, strict=True)]
     assert every.resampled[name][1] == pytest.approx(np.mean(expected))
     assert every.nodes[name] == sum(nodes[name] for _, nodes in alone)
 
@@ -135,38 +143,38 @@ def test_a_fold_without_a_building_of_the_resample_is_not_in_its_mean(truth: Tru
             scene_ids=(scene,),
         )
         parts.append((own, beliefs.take(rows)))
-    found = measure_one([Prediction(*one) for one in parts], resamples=20)
-    first, second = (evaluate(*one)[0][name] for one in parts)
+    found = measure_one([Prediction(*part) for part in parts], resamples=20)
+    first, second = (evaluate(*part)[0][name] for part in parts)
     assert found.point[name] == pytest.approx((first + second) / 2)
     ends = {round(value, 9) for value in found.resampled[name].tolist()}
     assert ends == {round(value, 9) for value in (first, second, (first + second) / 2)}
 
 
 @pytest.mark.parametrize(
-    ("stride", "kept", "example"),
+    ("stride", "nodes", "example"),
     [(1, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 4), (3, [0, 1, 4, 5, 6, 7], 2), (9, [0, 1, 4, 5], 2)],
 )
 def test_every_kth_masked_building_is_kept_and_the_example(
-    stride: int, kept: list[int], example: int
+    stride: int, nodes: list[int], example: int
 ) -> None:
-    """Five masked buildings of two nodes: one draw of a, two of c, two of b."""
-    targets = np.arange(10.0)[:, None]
-    collector = Details(stride, "c")
-    for rows, scenes in ((np.arange(4), ("a", "c")), (np.arange(4, 10), ("c", "b"))):
-        number = [0, 0, 1, 1] if len(rows) == 4 else [0, 0, 1, 1, 1, 1]
-        shift = 2 if len(rows) == 4 else 0  # the first batch has another building before c
+    """Five masked buildings of two nodes: of a, d, c, and two draws of b, in two batches."""
+    targets, collector = np.arange(10.0)[:, None], Details(stride, "c")
+    for rows, building, scenes in (
+        (np.arange(4), [0, 0, 1, 1], ("a", "d")),
+        (np.arange(4, 10), [0, 0, 1, 1, 1, 1], ("c", "b")),
+    ):
         truth = Truth(
             inputs=targets[rows],
             targets=targets[rows],
             is_building=rows % 2 == 0,
             visited=np.ones(len(rows), dtype=bool),
-            building=np.array(number),
+            building=np.array(building),
             draw=np.zeros(len(rows), dtype=np.int64),
-            scene_ids=scenes if not shift else ("a", "d"),
+            scene_ids=scenes,
         )
         collector.add(Prediction(truth, Expectation(truth.inputs, poisson(truth.inputs))))
     shown = collector.shown()
-    assert shown.targets[:, 0].tolist() == kept
-    assert shown.totals[:, 0].tolist() == [2 * one for one in kept]
+    assert shown.targets[:, 0].tolist() == nodes
+    assert shown.totals[:, 0].tolist() == [2 * node for node in nodes]
     assert shown.targets[shown.example, 0] == 4
     assert shown.example == example

@@ -8,11 +8,8 @@ from typing import cast
 import exact_ranks
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation import presence
 from bsg_models.evaluation.presence import PresenceHistograms, _bin_presence, select_cells
 from bsg_models.evaluation.truth import Prediction, Truth
 
@@ -76,13 +73,6 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
                     assert found == pytest.approx(expected, abs=allowed, nan_ok=True)
                     off = max(off, abs(np.nan_to_num(found - expected)))
     assert exact or spread > 0.1 or off > 1e-6  # crowded bins do differ
-
-
-@given(st.lists(st.floats(0, 1), min_size=2, max_size=20))
-def test_a_higher_presence_has_no_lower_bin(scores: list[float]) -> None:
-    bins = _bin_presence(np.sort(np.array(scores)))
-    assert (np.diff(bins) >= 0).all()
-    assert 0 <= bins.min() <= bins.max() < presence.BINS
 
 
 def test_selections_by_hand() -> None:

@@ -18,7 +18,7 @@ from bsg_models.belief.count_distribution import poisson as poisson_counts
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.inputs import hidden_shares
-from bsg_models.inputs.hidden_shares import EVIDENCE, spread_shares, update_shares
+from bsg_models.inputs.hidden_shares import EVIDENCE, update_shares
 from bsg_models.runs.predictor import Predictor
 from bsg_robot.graph.reports import enter, hide_of_room
 from bsg_robot.graph.robot_json import parse_robot_graph, read_robot_graph
@@ -71,16 +71,16 @@ def test_a_predictor_averages_over_the_posterior() -> None:
     np.testing.assert_allclose(
         PREDICTOR(graph).presence, PREDICTOR(posterior, weigh_seen=False).presence, atol=1e-9
     )
-    told = PREDICTOR(graph, weigh_seen=False).presence[KITCHEN]
-    assert np.abs(PREDICTOR(graph).presence[KITCHEN] - told).max() > 0.1
+    plain = PREDICTOR(graph, weigh_seen=False).presence[KITCHEN]
+    assert np.abs(PREDICTOR(graph).presence[KITCHEN] - plain).max() > 0.1
 
 
 def test_several_buildings_are_answered_as_each_alone() -> None:
     graphs = believe_kitchen(VAGUE), furnish(2), OFFICE
     alone = [PREDICTOR(graph) for graph in graphs]
     together = PREDICTOR(*graphs)
-    np.testing.assert_array_equal(together.inputs, np.vstack([one.inputs for one in alone]))
-    presence = np.vstack([one.presence for one in alone])
+    np.testing.assert_array_equal(together.inputs, np.vstack([answer.inputs for answer in alone]))
+    presence = np.vstack([answer.presence for answer in alone])
     np.testing.assert_allclose(together.presence, presence, atol=1e-5)
 
 
@@ -115,9 +115,9 @@ def test_parts_are_told_what_the_whole_is(
     graph = furnish(12)
     whole = PREDICTOR.believe_shares(graph)
     monkeypatch.setattr(hidden_shares, name, size)
-    for one, other in zip(whole, PREDICTOR.believe_shares(graph), strict=True):
-        assert one.mean == pytest.approx(other.mean, abs=1e-6)
-        assert one.sd == pytest.approx(other.sd, abs=1e-6)
+    for share, other in zip(whole, PREDICTOR.believe_shares(graph), strict=True):
+        assert share.mean == pytest.approx(other.mean, abs=1e-6)
+        assert share.sd == pytest.approx(other.sd, abs=1e-6)
 
 
 def believe_shares(*shares: ShareBelief) -> PartialGraph:
@@ -127,20 +127,6 @@ def believe_shares(*shares: ShareBelief) -> PartialGraph:
         for room, share in zip(OFFICE.rooms, shares, strict=True)
     )
     return replace(OFFICE, rooms=rooms, hidden_share=float(np.mean([s.mean for s in shares])))
-
-
-def test_levels_by_hand() -> None:
-    """Uniform and certain rooms; Gauss and Legendre's two nodes lie at 1/2 ± 1/√12."""
-    graph = believe_shares(ShareBelief(0.5, 12**-0.5), ShareBelief(0.2), ShareBelief(0.9))
-    levels, weights = spread_shares([graph], graph.observation(), levels=2)
-    assert weights.tolist() == [0.5, 0.5]
-    assert levels.scene_ids == ("office", "office")
-    low, high = levels.hidden_share[:4], levels.hidden_share[4:]
-    step = 12**-0.5
-    np.testing.assert_allclose(low[1:], [0.5 - step, 0.2, 0.9], rtol=1e-6)
-    np.testing.assert_allclose(high[1:], [0.5 + step, 0.2, 0.9], rtol=1e-6)
-    np.testing.assert_allclose(low[0], low[1:].mean(), rtol=1e-6)  # the building follows
-    np.testing.assert_array_equal(levels.inputs[4:], graph.histograms())
 
 
 @pytest.mark.parametrize("share", [ShareBelief(0.5, 12**-0.5), ShareBelief(0.3, 0.1)])

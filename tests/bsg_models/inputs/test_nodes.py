@@ -106,7 +106,7 @@ def test_evidence_by_hand() -> None:
     )
     known = replace(observe_building([[1.0], [1.0], [0.0]]), surroundings=around)
     nodes = to_nodes(stack([known, observe_building([[0.0]])]), reads=EVIDENCE)
-    assert {name: one.shape for name, one in nodes.evidence.items()} == {
+    assert {name: values.shape for name, values in nodes.evidence.items()} == {
         name: (4, kind.width()) for name, kind in EVIDENCE.items()
     }
     size = nodes.evidence["size"].tolist()

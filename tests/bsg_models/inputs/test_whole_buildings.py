@@ -30,7 +30,7 @@ def test_a_building_by_hand() -> None:
     graph = to_pyg(HOME, classes=CLASSES, categories=("clock", "tap"))
     building, room, thing = (graph[kind] for kind in ("building", "room", "object"))
     assert graph.scene_id == "home 1"
-    assert [one.num_nodes for one in (building, room, thing)] == [1, 2, 3]
+    assert [nodes.num_nodes for nodes in (building, room, thing)] == [1, 2, 3]
     assert same(building.x, [[0.0, 1.0]])
     assert same(building.building_kind, [BUILDING_KINDS.index("home")])
     assert same(building.source, [KNOWN_SOURCES.index("hm3d")])

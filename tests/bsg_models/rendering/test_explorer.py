@@ -130,34 +130,10 @@ def make_answer() -> dict[str, Any]:
     """Return an answer for the home: a thing that no model counts, and a sink."""
 
     def place(room: str | None, chance: float, *seen: str, cost: float | None = None) -> Any:
-        said = {"room": room, "label": None, "probability": chance, "if_there": chance / 0.7}
-        return {**said, "unseen": chance, "expected": chance, "seen": list(seen), "cost": cost}
+        counted = dict.fromkeys(("probability", "unseen", "expected"), chance)
+        about = {"room": room, "label": None, "if_there": chance / 0.7, "seen": [*seen]}
+        return {**about, **counted, "cost": cost}
 
-    def stop(room: str, chance: float, found: float, seconds: float) -> dict[str, Any]:
-        said = {"room": room, "label": None, "probability": chance, "way": 9.0, "look": 4.25}
-        return {**said, "found": found, "any_found": 0.9, "seconds": seconds}
-
-    def habit(room: str | None, share: float, **said: Any) -> dict[str, Any]:
-        none = {"piece": None, "sightings": 0, "last": None, "told": False}
-        return none | {"room": room, "share": share} | said
-
-    mug: dict[str, Any] = {
-        "thing": "mug",
-        "class": None,
-        "by": "likeness",
-        "how": "as its nearest words",
-        "model": "nouns",
-        "habits": [],
-    }
-    sink = {
-        "thing": "sink",
-        "class": "sink",
-        "by": "class",
-        "how": "",
-        "model": "random",
-        "habits": [habit("hall", 0.75, sightings=1, last=3600.0), habit(None, 0.25, told=True)],
-        "anywhere": 1.0,
-    }
     places = [
         place("kitchen", 0.64, cost=9.0),
         place("explore", 0.1),
@@ -166,17 +142,32 @@ def make_answer() -> dict[str, Any]:
         place("living", 0.002, cost=0.0),
     ]
     seen = [place("living", 1.0, "7"), place(None, 1.0, "8"), *places[:4]]
-    plan = [
-        stop("kitchen", 0.64, 0.64, 26.5),
-        stop("explore", 0.1, 0.67, 53.0),
-        stop("upstairs", 0.004, 0.7, 79.5),
+    habits = [
+        {"room": "hall", "share": 0.75, "sightings": 1, "last": 3600.0, "told": False},
+        {"room": None, "share": 0.25, "sightings": 0, "last": None, "told": True},
     ]
+    mug = {"thing": "mug", "class": None, "by": "likeness", "how": "as its nearest words"}
+    sink = {"thing": "sink", "class": "sink", "by": "class", "how": ""}
+    stops = [("kitchen", 0.64, 0.64), ("explore", 0.1, 0.67), ("upstairs", 0.004, 0.7)]
+    always = {"label": None, "way": 9.0, "look": 4.25, "any_found": 0.9}
     return {
         "here": "living",
         "go_first": "kitchen",
         "cost_unit": "m",
-        "things": [{**mug, "anywhere": 0.7, "places": places}, {**sink, "places": seen}],
-        "plan": plan,
+        "things": [
+            {**mug, "model": "nouns", "habits": [], "anywhere": 0.7, "places": places},
+            {
+                **sink,
+                "model": "random",
+                "habits": [{"piece": None, **habit} for habit in habits],
+                "anywhere": 1.0,
+                "places": seen,
+            },
+        ],
+        "plan": [
+            {"room": room, "probability": chance, "found": found, "seconds": 26.5 * number} | always
+            for number, (room, chance, found) in enumerate(stops, 1)
+        ],
         "found_within": 0.7,
     }
 

@@ -30,22 +30,22 @@ SHOWN = ShownNodes(
 @pytest.fixture
 def saved(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Figures in the order in which they are saved; they are written, too."""
-    kept: list[Figure] = []
+    drawn: list[Figure] = []
 
     def keep(figure: Figure, path: Path, **how: Any) -> None:
-        kept.append(figure)
+        drawn.append(figure)
         write_figure(figure, path, **how)
 
     monkeypatch.setattr(figures, "write_figure", keep)
-    return kept
+    return drawn
 
 
 def test_an_evaluation_has_the_three_figures_of_the_paper(
     saved: list[Figure], tmp_path: Path
 ) -> None:
     notes: list[str] = []
-    told = {"name": "my run", "shown": SHOWN, "classes": CLASSES, "building": "b", "notes": notes}
-    drawn = figures.plot_evaluation(tmp_path / "new", **told)
+    facts = {"name": "my run", "shown": SHOWN, "classes": CLASSES, "building": "b", "notes": notes}
+    drawn = figures.plot_evaluation(tmp_path / "new", **facts)
     assert len(drawn) == len(saved) == 3
     with Image.open(drawn["error in number per class, rooms"]) as image:
         assert image.format == "PNG"
@@ -72,7 +72,7 @@ def test_the_leaderboard_has_a_panel_a_metric_and_a_row_a_model(
     with rc_context({"text.usetex": True}):
         figures.plot_leaderboard(standings, {"nll": "nll ↓"}, tmp_path / "x.png", title=title)
     assert saved[0].get_suptitle() == title
-    (axes,) = [one for one in saved[0].axes if one.get_visible()]
+    (axes,) = [panel for panel in saved[0].axes if panel.get_visible()]
     assert [label.get_text() for label in axes.get_yticklabels()] == list(standings)
     assert axes.get_xlim()[1] < 2  # the one far away does not set the scale
     assert [line.get_marker() for line in axes.lines].count(">") == 1

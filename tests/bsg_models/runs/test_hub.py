@@ -32,8 +32,8 @@ def test_a_folder_of_the_hub_is_read_back(run: Path, tmp_path: Path) -> None:
     assert (folder / "model.safetensors").read_bytes() == source.read_bytes()
     card = read_card((folder / "README.md").read_text("utf-8"), origin="card")
     assert card.name == "other"
-    said = json.loads((folder / "config.json").read_bytes())
-    assert said["class_space"]["name"] == "hm3d45-v1"
+    config = json.loads((folder / "config.json").read_bytes())
+    assert config["class_space"]["name"] == "hm3d45-v1"
     again.save_pretrained(tmp_path / "twice")  # what was read is what is written
     for path in folder.iterdir():
         assert (tmp_path / "twice" / path.name).read_bytes() == path.read_bytes()

@@ -47,9 +47,9 @@ def test_the_more_restrictive_terms_are_those_of_the_weights(
     assert data in card.data
     text = write_card(card, fields=read_fields(run / "best.safetensors"))
     assert read_card(text, origin="card") == card
-    said = yaml.safe_load(text.split("---")[1])
-    assert said["license"] == front
-    assert said["library_name"] == "belief-scene-graphs"
+    matter = yaml.safe_load(text.split("---")[1])
+    assert matter["license"] == front
+    assert matter["library_name"] == "belief-scene-graphs"
     assert ("**The weights are for non-commercial research**" in text) == ("Ref" in licence)
 
 

@@ -16,17 +16,17 @@ from bsg_models.search.problem import Plans, SearchProblem, pose_search
 
 
 def sample_problem(
-    seed: int, *, most: int = 5, things: int = 3, robots: int = 1, single: bool | None = None
+    seed: int, *, looks: int = 5, things: int = 3, robots: int = 1, single: bool | None = None
 ) -> SearchProblem:
     """Return a search in which looks may share rooms, and the building may be tilted."""
     rng = np.random.default_rng(seed)
-    looks, things = int(rng.integers(1, most + 1)), int(rng.integers(1, things + 1))
+    looks, things = int(rng.integers(1, looks + 1)), int(rng.integers(1, things + 1))
     room = np.sort(rng.integers(0, looks, looks)) if rng.random() < 0.6 else np.arange(looks)
     at = rng.uniform(0, 15, (looks + robots, 2))
     legs = np.linalg.norm(at[:, None] - at[:looks], axis=2) + rng.uniform(0, 8, looks)
     finds = rng.random((looks, things)) ** 3
-    for one in set(room.tolist()):
-        finds[room == one] /= np.maximum(finds[room == one].sum(axis=0) / 0.9, 1)
+    for number in set(room.tolist()):
+        finds[room == number] /= np.maximum(finds[room == number].sum(axis=0) / 0.9, 1)
     return SearchProblem(
         legs[None],
         finds[None].clip(1e-6),
@@ -73,8 +73,8 @@ def list_finds(problem: SearchProblem, thing: int) -> Iterator[tuple[float, tupl
     room = looks if problem.room is None else problem.room[0].tolist()
     scale = 1.0 if problem.scale is None else float(problem.scale[0, thing])
     choices = []
-    for one in sorted(set(room)):
-        own = [look for look in looks if room[look] == one]
+    for number in sorted(set(room)):
+        own = [look for look in looks if room[look] == number]
         choices.append([(finds[look], (look,)) for look in own] + [(1 - finds[own].sum(), ())])
     some = [
         (float(np.prod([p for p, _ in parts])), tuple(look for _, own in parts for look in own))
@@ -94,7 +94,7 @@ def expect_naively(problem: SearchProblem, plan: Ints) -> float:
         if problem.single and len(ends) < len(parts):
             continue  # given that each is found
         weight += likely
-        first = [one.min() if problem.single else one.max() for one in ends]
+        first = [moments.min() if problem.single else moments.max() for moments in ends]
         total += likely * max(first, default=0.0)
     return total / weight
 
@@ -102,7 +102,7 @@ def expect_naively(problem: SearchProblem, plan: Ints) -> float:
 @pytest.mark.parametrize("robots", [1, 2, 3])
 def test_the_expected_cost_is_the_mean_over_all_that_may_be(robots: int) -> None:
     for seed in range(25):
-        problem = sample_problem(seed, most=4, things=2, robots=robots)
+        problem = sample_problem(seed, looks=4, things=2, robots=robots)
         every = all_plans(problem)
         plan = every[seed * 7 % len(every)]
         found = problem.expect(plan[None])[0]
@@ -163,20 +163,20 @@ def first_costs(problem: SearchProblem) -> Floats:
 def test_a_plan_for_several_things_begins_as_the_best_policy() -> None:
     """It depends on which are found by then."""
     for seed in range(40):
-        problem = sample_problem(seed, most=4, single=True)
+        problem = sample_problem(seed, looks=4, single=True)
         costs = first_costs(problem)
         assert costs[plan_search(problem)[0, 0]] == pytest.approx(costs.min(), rel=1e-6)
 
 
-@pytest.mark.parametrize(("robots", "most"), [(1, 5), (2, 5), (3, 4)])
+@pytest.mark.parametrize(("robots", "looks"), [(1, 5), (2, 5), (3, 4)])
 @pytest.mark.parametrize("budget", [None, 15.0])
 def test_plans_that_are_not_exact_are_nearly_the_best_of_all(
-    robots: int, most: int, budget: float | None
+    robots: int, looks: int, budget: float | None
 ) -> None:
     """Of few looks; of two things, too. Within a budget, what is found counts first."""
     excess = []
     for seed in range(25):
-        sample = sample_problem(seed, most=most, things=2, robots=robots)
+        sample = sample_problem(seed, looks=looks, things=2, robots=robots)
         problem = SearchProblem(**{**vars(sample), "budget": budget})
         best = expect_all(problem, all_plans(problem)).min()
         found = problem.expect(plan_search(problem, exact=0))[0]
@@ -194,12 +194,12 @@ def sample_searches(searches: int, rooms: int, things: int, *, single: bool) -> 
 
 
 @pytest.mark.parametrize(
-    ("single", "things", "most"), [(True, 1, 0.003), (True, 3, 0.03), (False, 1, 0.01)]
+    ("single", "things", "excess"), [(True, 1, 0.003), (True, 3, 0.03), (False, 1, 0.01)]
 )
-def test_the_plan_of_many_looks_is_nearly_exact(single: bool, things: int, most: float) -> None:
+def test_the_plan_of_many_looks_is_nearly_exact(single: bool, things: int, excess: float) -> None:
     problem = sample_searches(60, 10, things, single=single)
     best, found = (problem.expect(plan_search(problem, exact=exact)) for exact in (10, 0))
-    assert (found / best - 1).mean() < most
+    assert (found / best - 1).mean() < excess
 
 
 @pytest.mark.parametrize(("rooms", "robots"), [(4, 1), (9, 1), (14, 1), (60, 1), (9, 2)])

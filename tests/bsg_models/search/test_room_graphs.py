@@ -72,16 +72,6 @@ def test_a_layout_in_two_parts_is_its_larger_part() -> None:
         assert not measure_travel(nothing, nodes=nodes, episodes=2, kind="layout")[1].any()
 
 
-def test_the_first_wanted_room_on_the_way_by_hand() -> None:
-    edges = np.full((1, 5, 5), np.inf)  # 1 – 2 – 3 – 4 in a row
-    for a in (1, 2, 3):
-        edges[0, a, a + 1] = edges[0, a + 1, a] = 1.0
-    travel, way = find_ways(edges), (np.array([0]), np.array([1]), np.array([4]))
-    for wanted, found in (([3, 4], 3), ([4], 4)):
-        there = np.isin(np.arange(5), wanted)[None]
-        assert travel.first_on_the_way(*way, there).tolist() == [found]
-
-
 def sample_edges(seed: int, nodes: int, share: float) -> npt.NDArray[np.float64]:
     """Return a tree of rooms and further edges, some of cost 0 and some of one direction."""
     rng = np.random.default_rng(seed)

@@ -20,14 +20,11 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.scene.class_space import load_class_space
 from bsg_models.errors import CheckpointError, PredictionError
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import CheckpointHeader
-from bsg_models.runs.found_model import FoundModel, Kind
-from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
+from bsg_models.studies.comparison import Comparison, EvaluationRequest, compare_runs
 from bsg_models.studies.stored_pairs import MeasuredPairs, name_entry
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
@@ -87,28 +84,6 @@ def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> N
     assert compare(runs[:1], dataset, resamples=0).facts["fold"] == 0
     with pytest.raises(CheckpointError, match="test on different folds"):
         compare(runs, dataset, resamples=0)
-
-
-SPACE = load_class_space()
-
-
-def run_of(model: str, folder: str, kind: Kind = "run") -> tuple[FoundModel, CheckpointHeader]:
-    header = CheckpointHeader(config=find_config(model), class_space=SPACE, dataset_sha256="")
-    return FoundModel(Path(folder) / "best.safetensors", folder, kind), header
-
-
-@pytest.mark.parametrize(
-    ("runs", "names"),
-    [
-        ([("mixture", "a"), ("ceci", "b")], ("mixture", "ceci")),
-        ([("mixture", "a"), ("mixture", "a")], ("mixture (a)", "mixture (a)-2")),
-        ([("mixture", "a b"), ("mixture", "a-b")], ("mixture (a b)", "mixture (a-b)-2")),
-        ([("gamma-poisson", "a")], ("gamma-poisson (a)",)),  # a baseline has this name
-        ([("universal", "best", "shipped"), ("universal", "x")], ("best", "universal")),
-    ],
-)
-def test_a_run_is_named_by_its_model(runs: list[tuple[str, str]], names: tuple[str, ...]) -> None:
-    assert _name_runs([run_of(*one) for one in runs]) == names
 
 
 def test_results_lie_in_the_first_run_unless_a_folder_is_named() -> None:

@@ -18,8 +18,6 @@ from bsg_models.evaluation.catalogue import list_values
 from bsg_models.studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult
 from bsg_models.studies.leaderboard_report import (
     REPORT,
-    _rank_models,
-    compare,
     refuse_finished,
     report_leaderboard,
 )
@@ -55,18 +53,6 @@ def board(values: Mapping[str, float]) -> Leaderboard:
         files=(),
     )
     return Leaderboard(RECIPE, manifest, {"rooms": results})
-
-
-def test_the_ratio_of_likelihoods_is_paired() -> None:
-    made = board({"train-mean": 0.5, "gamma-poisson": 0.4, "ours": 0.3})
-    results = made.results["rooms"]
-    assert _rank_models(results) == ["ours", "gamma-poisson", "train-mean"]
-    ratio = compare(results, "ours")
-    assert ratio is not None
-    assert ratio.value == pytest.approx(0.75)
-    assert ratio.low < ratio.value < ratio.high
-    alone = board({"ours": 0.3}).results["rooms"]
-    assert compare(alone, "ours") is None
 
 
 def test_the_page_says_how_models_were_trained(

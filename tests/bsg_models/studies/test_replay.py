@@ -6,17 +6,12 @@ from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from bsg_data.arrays import Bools, Ints
 from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_models.rendering.replay import Replay
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import find_ways
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.search.simulator import Answer, Episodes, Robot, Step, search
-from bsg_models.studies.replay import LEAST_ENTERED, _list_visits, replay_search
+from bsg_models.studies.replay import LEAST_ENTERED, replay_search
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, study_search
@@ -24,8 +19,6 @@ from bsg_models.studies.search_study import Study, study_search
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 RECIPE = StudyRecipe(worlds=WORLDS, tasks=("all",), episodes=5, draws=2, planners=("ratio",))
 EPISODE = 3
-CORRIDOR = np.full((4, 4), np.inf)  # rooms 1 – 2 – 3 in a row, 2 m and 3 m apart
-CORRIDOR[[1, 2, 2, 3], [2, 1, 3, 2]] = 2.0, 2.0, 3.0, 3.0
 
 
 @pytest.fixture
@@ -44,61 +37,38 @@ def show(
     )
 
 
-def test_a_walk_by_hand() -> None:
-    """Room 2 is on the way to room 3, which holds what is sought; most frequent classes first."""
-    cells = np.array([[0, 0], [0, 1], [0, 2], [1, 5]])
-    episode = Episodes(
-        travel=find_ways(CORRIDOR[None]),
-        rooms=np.arange(4) > 0,
-        starts=np.array([1]),
-        artifacts=np.array([[0]]),
-        instances=cells[None, :, :1],
-    )
-
-    def believe(rows: Ints, explored: Bools) -> Answer:
-        presence = np.array([[0, 0, 0.5, 0.6 if explored[0, 2] else 0.9]])[..., None]
-        return presence, presence
-
-    steps: list[Step] = []
-    robot = {0: Robot(PLANNERS["greedy-belief"], "single")}
-    search(episode, robot, beliefs=believe, watch=lambda _, step: steps.append(step))
-    start, between, end = _list_visits(steps, episode, cells, "ab")
-    assert (start.room, start.way, start.cost, start.target, start.leg) == (1, (), 0, 3, 5)
-    assert (between.room, between.way, between.cost, between.leg) == (2, (2,), 2, 3)
-    assert (end.room, end.way, end.cost, end.target, end.leg) == (3, (3,), 5, None, None)
-    assert [visit.presence for visit in (start, between)] == [(0, 0.5, 0.9), (0, 0, 0.6)]
-    assert end.seen == (("a", 1), ("b", 5))
-    assert (start.found, between.found, end.found) == ((), (), ("a",))
-
-
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_walks_are_those_of_the_search_that_was_asked_for(
     world: WorldRecipe, dataset: Path, runs: Mapping[str, Path]
 ) -> None:
     """A number is of the first building. The means are those of all searches."""
     study = study_search(dataset, runs, RECIPE.model_copy(update={"worlds": (world,)}))
-    one = show(dataset, study, runs)
-    assert (one.scene_id, one.world, one.task) == (next(iter(runs)), world.name, "all")
-    assert (one.episode, one.searches, one.buildings) == (EPISODE, 15, 3)
-    assert [walk.planner for walk in one.walks] == ["ratio", "nearest"]
-    assert [walk.model for walk in one.walks] == ["gamma-poisson", None]
-    assert len({walk.stops[0].room for walk in one.walks}) == 1
+    shown = show(dataset, study, runs)
+    assert (shown.scene_id, shown.world, shown.task) == (next(iter(runs)), world.name, "all")
+    assert (shown.episode, shown.searches, shown.buildings) == (EPISODE, 15, 3)
+    assert [walk.planner for walk in shown.walks] == ["ratio", "nearest"]
+    assert [walk.model for walk in shown.walks] == ["gamma-poisson", None]
+    assert len({walk.stops[0].room for walk in shown.walks}) == 1
     (result,) = summarise(study, resamples=0)
     table = study.searches.set_index(["scene_id", "planner", "episode"])
-    for walk in one.walks:
-        row = table.loc[one.scene_id, walk.planner, EPISODE]
-        assert one.artifacts == tuple(row.artifacts)
+    for walk in shown.walks:
+        row = table.loc[shown.scene_id, walk.planner, EPISODE]
+        assert shown.artifacts == tuple(row.artifacts)
         assert len(walk.stops) == row.rooms_entered + 1
         assert walk.cost == pytest.approx(row.cost, abs=1e-3)
-        assert set(one.holds) == {stop.room for stop in walk.stops if stop.found}
+        assert set(shown.holds) == {stop.room for stop in walk.stops if stop.found}
         assert walk.mean_cost == result.savings[walk.planner].cost
         for before, stop in pairwise(walk.stops):
             assert stop.way[-1] == stop.room
             assert stop.cost >= before.cost
-    reading, blind = one.walks
+    reading, blind = shown.walks
     assert all(stop.presence is None for stop in blind.stops)
     assert any(max(stop.presence or [0]) > 0 for stop in reading.stops)
-    assert (one.unit, one.doors, one.left_out) == ("", (), 0)  # a drawn world has no metres
+    assert (shown.unit, shown.doors, shown.left_out) == (
+        "",
+        (),
+        0,
+    )  # a drawn world has no metres
 
 
 def test_the_first_eventful_search_is_shown(dataset: Path, runs: Mapping[str, Path]) -> None:
@@ -109,7 +79,7 @@ def test_the_first_eventful_search_is_shown(dataset: Path, runs: Mapping[str, Pa
     entered = both.groupby(["scene_id", "episode"], sort=False).rooms_entered.min()
     chance = both.groupby(["scene_id", "episode"], sort=False).chance.first()
     eventful = entered[(entered >= LEAST_ENTERED) & (chance <= 0.25)]
-    one = show(dataset, study, runs, "auto")
+    replay = show(dataset, study, runs, "auto")
     expected = eventful.index[0] if len(eventful) else entered.index[0]
-    assert (one.scene_id, one.episode) == expected
-    assert ("None is eventful" in one.chosen) == (not len(eventful))
+    assert (replay.scene_id, replay.episode) == expected
+    assert ("None is eventful" in replay.chosen) == (not len(eventful))

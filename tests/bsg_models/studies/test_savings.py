@@ -39,14 +39,14 @@ def by_hand(costs: Mapping[str, Costs]) -> pd.DataFrame:
 
 def result_of(costs: Mapping[str, Costs], **options: Any) -> WorldResult:
     planners = {name: PLANNERS[name] for name in RECIPE.all_planners}
-    (one,) = summarise(Study(RECIPE, (), by_hand(costs), {}, planners), **options)
-    return one
+    (result,) = summarise(Study(RECIPE, (), by_hand(costs), {}, planners), **options)
+    return result
 
 
 def test_savings_by_hand() -> None:
     costs = {"a": ([4.0, 6.0], [2.0, 6.0]), "b": ([10.0], [15.0])}
-    one = result_of(costs, resamples=500)
-    ratio = one.savings["ratio"]
+    shown = result_of(costs, resamples=500)
+    ratio = shown.savings["ratio"]
     assert ratio.saved.value == pytest.approx(1 - 23 / 20)
     assert np.isnan(ratio.saved.low)  # of two buildings there is no interval
     many = result_of({f"{scene}{i}": costs[scene] for i in range(3) for scene in "ab"})
@@ -59,15 +59,20 @@ def test_savings_by_hand() -> None:
     assert (ratio.wins, ratio.ties, ratio.losses) == (1, 1, 1)
     assert ratio.beyond_routing.value == pytest.approx(ratio.saved.value)
     assert np.isnan(ratio.of_oracle.value)
-    assert np.isnan(one.savings["nearest"].beyond_routing.value)
-    assert (one.searches, one.buildings, one.ranked_first, one.chance) == (3, 2, 1.0, 0.5)
+    assert np.isnan(shown.savings["nearest"].beyond_routing.value)
+    assert (shown.searches, shown.buildings, shown.ranked_first, shown.chance) == (
+        3,
+        2,
+        1.0,
+        0.5,
+    )
     assert list(saving_of_buildings(by_hand(costs)).ratio) == pytest.approx([0.2, -0.5])
 
 
 def test_what_is_unknown_is_a_dash_or_left_out() -> None:
-    one = result_of({"a": ([4.0], [2.0])})
-    unknown = replace(one.savings["ratio"], saved=Estimate(NAN, NAN, NAN, nodes=1))
-    savings = {"nearest": one.savings["nearest"], "ratio": unknown}
-    (table,) = tabulate_savings([replace(one, ranked_first=NAN, savings=savings)])
+    result = result_of({"a": ([4.0], [2.0])})
+    unknown = replace(result.savings["ratio"], saved=Estimate(NAN, NAN, NAN, nodes=1))
+    savings = {"nearest": result.savings["nearest"], "ratio": unknown}
+    (table,) = tabulate_savings([replace(result, ranked_first=NAN, savings=savings)])
     assert "likeliest" not in table.caption
     assert [row[1] for row in table.rows] == ["0.0", "-"]

@@ -5,16 +5,11 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_models.search.catalogue import Planner
-from bsg_models.search.knowledge import Knowledge
-from bsg_models.search.planners import nearest
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import encode_study, summarise, write_searches
 from bsg_models.studies.search_cases import sample_episodes
@@ -31,8 +26,8 @@ def costs_of(study: Study, *, episodes: int = 6) -> list[float]:
 
 
 def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
-    recipe = StudyRecipe(worlds=DRAWN, episodes=6, draws=3)
-    runs = dict.fromkeys(list(read_cells(dataset))[-4:], run)
+    recipe = StudyRecipe(worlds=DRAWN, episodes=6, draws=3, planners=("ratio", "expected-cost"))
+    runs = dict.fromkeys(list(read_cells(dataset))[-2:], run)
     alone = study_search(dataset, runs, recipe)
     with ThreadPoolExecutor(2) as pool:
         together = study_search(dataset, runs, recipe, executor=pool)
@@ -94,23 +89,3 @@ def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
 def test_a_belief_that_is_needed_and_not_there_is_said(dataset: Path) -> None:
     with pytest.raises(RecipeError):
         study_search(dataset, dict.fromkeys(read_cells(dataset)), StudyRecipe(episodes=2))
-
-
-def contrary(known: Knowledge) -> Ints:
-    """Go to the unexplored room that is farthest away."""
-    return np.where(known.unexplored, known.distance, -1.0).argmax(axis=1)
-
-
-def test_a_planner_of_ones_own_meets_the_same_searches(dataset: Path) -> None:
-    recipe = StudyRecipe(planners=("routing",), episodes=10)
-    runs = dict.fromkeys(list(read_cells(dataset))[-5:])
-    own = {"mine": Planner(nearest, "none"), "contrary": Planner(contrary, "none")}
-    study = study_search(dataset, runs, recipe, planners=own)
-    alone = study_search(dataset, runs, recipe)
-    assert list(study.planners) == ["nearest", "routing", "mine", "contrary"]
-    for one, two in zip(summarise(study), summarise(alone), strict=True):
-        assert list(one.savings) == list(study.planners)
-        assert one.savings["mine"].saved.value == 0
-        assert one.savings["contrary"].saved.value < 0
-        assert np.isnan(one.savings["mine"].beyond_routing.value)  # it reads no belief
-        assert one.savings["routing"].saved == two.savings["routing"].saved

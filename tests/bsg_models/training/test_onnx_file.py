@@ -48,15 +48,15 @@ def feed(seen: Observation) -> dict[str, npt.NDArray[Any]]:
     }
     numbers = {"building_kind": around.building_kinds, "source": around.sources}
     return {
-        **{name: one.astype(np.float32) for name, one in arrays.items()},
-        **{name: one.astype(np.int64) for name, one in numbers.items()},
+        **{name: values.astype(np.float32) for name, values in arrays.items()},
+        **{name: values.astype(np.int64) for name, values in numbers.items()},
     }
 
 
 def ask(path: Path, seen: Observation) -> list[npt.NDArray[np.float32]]:
     """Return what a file expects, and its presences."""
     session = runtime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    wanted = {one.name for one in session.get_inputs()}
+    wanted = {tensor.name for tensor in session.get_inputs()}
     given = {name: array for name, array in feed(seen).items() if name in wanted}
     found: list[npt.NDArray[np.float32]] = session.run(["expected", "presence"], given)
     return found
@@ -76,17 +76,22 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
     assert json.loads(beside.read_text("utf-8"))["vocabulary"] == list(model.vocabulary)
     seen = read_split(Dataset.open(dataset), "train", vocabulary=model.vocabulary).seen
     around = surround_rooms([12, 30], ["kitchen", None], building_kind="shop", source="mp3d")
-    told = replace(
+    robot = replace(
         observe_building([[3] * 45, [2] * 45, [1] * 45], withheld=[2], surroundings=around),
         vocabulary=model.vocabulary,
         unclassified=np.ones((3, len(model.vocabulary)), dtype=np.int64),
     )
     shares = np.array([0.5, 0.0, 1e-30], dtype=np.float32)  # a searched room hides nothing
-    full = replace(told, inputs=300 * told.inputs)  # it surely hides more
-    every = (told, replace(told, hidden_share=shares), full, *map(seen.take, ([0], [1], [2])))
-    for one in every:
-        expectation = model.expect(one)
-        expected, presence = ask(tmp_path / "net.onnx", one)
+    full = replace(robot, inputs=300 * robot.inputs)  # it surely hides more
+    every = (
+        robot,
+        replace(robot, hidden_share=shares),
+        full,
+        *map(seen.take, ([0], [1], [2])),
+    )
+    for observed in every:
+        expectation = model.expect(observed)
+        expected, presence = ask(tmp_path / "net.onnx", observed)
         np.testing.assert_allclose(expected, expectation.hidden, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(presence, expectation.presence, atol=1e-5)
 
@@ -118,7 +123,12 @@ def test_the_example_asks_from_node(tmp_path: Path) -> None:
     script.write_bytes((REPOSITORY / "docs" / "examples" / "ask_onnx.mjs").read_bytes())
     files = ("universal.onnx", "universal.json")
     export_onnx("universal", tmp_path / files[0])
-    command = [node, script, *(tmp_path / one for one in files), REPOSITORY / "docs" / "home.json"]
+    command = [
+        node,
+        script,
+        *(tmp_path / file for file in files),
+        REPOSITORY / "docs" / "home.json",
+    ]
     done = subprocess.run([*command, "microwave oven"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     for words, said in ((["gizmo"], "gizmo: not among"), ([], "usage: ")):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -69,14 +68,13 @@ def naive(
     odds = np.log(none / (1 - none))
     a = shift + slope * odds + bend * max(0.0, -1 - odds)
     each *= np.array(missed)[:, None] ** counts
-    totals = np.zeros((3, 4))
-    weight = 0.0
-    for some in product(range(MOST), repeat=3):
-        p = each[[0, 1, 2], some].prod() * (np.exp(a) if sum(some) == 0 else 1.0)
-        weight += p
-        held = np.array([sum(some), *some])
-        totals += p * np.array([held == 0, held == 1, held])
-    return tuple(totals / weight)  # type: ignore[return-value]
+    joint = np.einsum("i,j,k->ijk", *each)
+    joint[0, 0, 0] *= np.exp(a)
+    of_rooms = np.indices(joint.shape)
+    held = np.concatenate([of_rooms.sum(axis=0, keepdims=True), of_rooms])
+    events = (held == 0, held == 1, held)
+    none, one, mean = ((each * joint).sum(axis=(1, 2, 3)) / joint.sum() for each in events)
+    return none, one, mean
 
 
 @pytest.mark.parametrize("column", [0, 1])

@@ -56,22 +56,6 @@ def test_a_wrong_value_is_named_with_its_path(setting: str, place: str) -> None:
     assert place in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "\n".join(f"[a.b{number}]" for number in range(5_000)),
-        f"{'k' * 4_000} = 1",
-        f"model = 'doubled'\nname = '{'q' * 4_000}'",
-    ],
-)
-def test_an_error_cuts_what_it_repeats(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "a.toml"
-    path.write_text(text, "utf-8")
-    with pytest.raises(ConfigError) as caught:
-        validate_config(read_config(path), source="a.toml")
-    assert len(str(caught.value)) < 4_000
-
-
 def test_unknown_names_and_files(tmp_path: Path) -> None:
     with pytest.raises(ConfigError):
         find_config("cecin")

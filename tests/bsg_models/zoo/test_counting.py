@@ -13,7 +13,6 @@ from scipy import stats
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.observation import stack
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
 from bsg_models.inputs.folds import scenes_of
@@ -83,23 +82,6 @@ def test_gamma_poisson_by_hand() -> None:
     assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)
     assert found.hidden_counts.dispersions[0, 1, 0] == 5
     assert found.hidden[0, 0] == pytest.approx(found.hidden[1:].sum())
-
-
-def test_the_sum_of_rooms_has_their_mean_their_none_and_nearly_their_variance() -> None:
-    distribution = negative_binomial(
-        np.array([[9.0], [2.0], [3.0], [5.0]]), np.array([[9.0], [1.0], [4.0], [2.0]])
-    )
-    seen = stack(
-        [
-            observe_building([[0], [0], [0]], hidden_share=0.75),
-            observe_building([[4]], hidden_share=0.75),
-        ]
-    )
-    found = sum_rooms(distribution, seen)
-    assert found.mean[:3].ravel() == pytest.approx([5.0, 2.0, 3.0])
-    assert 1 - found.presence[0, 0] == pytest.approx((1 / 3) ** 1 * (4 / 7) ** 4)
-    assert found.variance[0, 0] == pytest.approx(2 + 2**2 / 1 + 3 + 3**2 / 4, rel=0.02)
-    assert found.mean[3, 0] == pytest.approx(4 * 0.75 / 0.25)  # without rooms: what was seen
 
 
 def test_a_building_of_tilted_rooms_has_what_any_of_them_has() -> None:

@@ -38,7 +38,7 @@ def small(name: str, *settings: str) -> RunConfig:
 
 def weights_of(shapes: Mapping[str, Weight]) -> dict[str, npt.NDArray[np.float32]]:
     """Return weights as a training starts from them, but for what is drawn at random."""
-    return {name: np.full(one.shape, one.value, np.float32) for name, one in shapes.items()}
+    return {name: np.full(row.shape, row.value, np.float32) for name, row in shapes.items()}
 
 
 def shake(model: CountNetwork) -> CountNetwork:
@@ -46,8 +46,8 @@ def shake(model: CountNetwork) -> CountNetwork:
     rng = np.random.default_rng(0)
     model.load_state(
         {
-            name: one + rng.normal(0, 0.1, one.shape) * (name in model.weights)
-            for name, one in model.state().items()
+            name: values + rng.normal(0, 0.1, values.shape) * (name in model.weights)
+            for name, values in model.state().items()
         }
     )
     return model
@@ -92,9 +92,9 @@ def test_numpy_answers_as_torch_trains(name: str, dataset: Path) -> None:
     with torch.no_grad():
         trained = network(network.read(seen))
     answered = model.forward(model.weights, model.nodes_of(seen))
-    for one in ("mean", "dispersion", "log_weight"):
+    for part in ("mean", "dispersion", "log_weight"):
         np.testing.assert_allclose(
-            getattr(answered, one), getattr(trained, one), rtol=2e-5, atol=1e-5
+            getattr(answered, part), getattr(trained, part), rtol=2e-5, atol=1e-5
         )
     np.testing.assert_allclose(answered.tilts, np.stack(trained.tilts), rtol=1e-5, atol=1e-5)
 
@@ -142,17 +142,17 @@ def test_training_forgets_evidence_of_rooms_and_never_of_buildings() -> None:
     seen = observe_building(np.ones((1000, 1)).tolist(), surroundings=around)
     nodes = to_nodes(seen, reads=EVIDENCE).to(torch.device("cpu"))
     features = NodeFeatures(NetworkConfig(reads=tuple(EVIDENCE), forget=0.4), 1, 0)
-    told, first = features({}, nodes), 3
+    encoded, first = features({}, nodes), 3
     torch.manual_seed(0)
     trained = features.forget(nodes, Dropout())
     quiet = features.forget(nodes, NO_DROPOUT)
     for name, kind in EVIDENCE.items():
         columns = slice(first, first := first + kind.width())
-        assert torch.equal(told[:, columns], nodes.evidence[name])
+        assert torch.equal(encoded[:, columns], nodes.evidence[name])
         assert quiet.evidence[name] is nodes.evidence[name]
-        kept = (trained.evidence[name] == nodes.evidence[name]).all(dim=1)
-        assert kept[1:].float().mean() == pytest.approx(1 if kind.of_building else 0.6, abs=0.05)
-        assert not trained.evidence[name][~kept].any()
+        held = (trained.evidence[name] == nodes.evidence[name]).all(dim=1)
+        assert held[1:].float().mean() == pytest.approx(1 if kind.of_building else 0.6, abs=0.05)
+        assert not trained.evidence[name][~held].any()
 
 
 def test_common_sense_of_a_label_is_of_presence_alone() -> None:
