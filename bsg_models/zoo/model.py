@@ -120,29 +120,22 @@ class BeliefModel(ABC):
     def predict(self, seen: Observation) -> Expectation:
         """Return the expectation of every node of an observation, of one building or many."""
 
-    def expect_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
-    ) -> CountDistribution:
-        """Return the hidden counts of some rooms and classes, as `expect` does, but faster.
+    def expect_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
+        """Return the hidden counts of some rooms, as `expect` does, but faster.
 
         Args:
             seen: what was seen.
             rows: `[M]` nodes that are rooms.
-            columns: `[M, A]` classes, the same in all rooms of a building; None for all.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
-        if self.untaught is None:
-            return found
-        return found.without(self.untaught if columns is None else self.untaught[columns])
+        found = self.require_finite(lambda: self.predict_rooms(seen, rows))
+        return found if self.untaught is None else found.without(self.untaught)
 
-    def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
-    ) -> CountDistribution:
+    def predict_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
-        return self.predict(seen).hidden_counts.take(rows, columns)
+        return self.predict(seen).hidden_counts.take(rows)
 
     def with_independent_rooms(self) -> BeliefModel:
         """Return it without what makes rooms depend on each other: some are asked faster."""
