@@ -29,7 +29,6 @@ from bsg_models.errors import CheckpointError
 from bsg_models.inputs.hidden_shares import spread_shares, update_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model
 from bsg_models.runs.found_model import DEFAULT_MODEL, find_model, read_shipped_card, weights_folder
-from bsg_models.runs.model_card import read_card
 from bsg_models.zoo.model import one_thread
 
 
@@ -68,6 +67,8 @@ class Predictor:
     @cached_property
     def is_free(self) -> bool:
         """Whether it is a shipped model that everybody may use for anything, as its card says."""
+        from bsg_models.runs.model_card import read_card  # an answer reads no card
+
         sha256, shipped = hash_file(self._path), read_seal(weights_folder()) or {}
         names = [Path(file).stem for file, listed in shipped.items() if listed == sha256]
         cards = (read_card(read_shipped_card(name), origin=name) for name in names)

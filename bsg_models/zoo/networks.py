@@ -45,7 +45,6 @@ from bsg_models.zoo.features import (
     NodeFeatures,
     tabulate_labels,
 )
-from bsg_models.zoo.gamma_poisson import tally_rooms
 from bsg_models.zoo.layers import (
     NO_DROPOUT,
     NoDropout,
@@ -128,6 +127,8 @@ class CountNetwork(CalibratedModel):
         if self.labels is not None:
             table = tabulate_labels(data.manifest.class_space.classes)
             self.weights["labels.log_odds"] = table.astype(np.float32)
+        from bsg_models.zoo.gamma_poisson import tally_rooms  # only trainings come here
+
         tallies = tally_rooms(data, scenes_of(data, "train", fold=choice.fold))
         means = np.array([values @ times / times.sum() for values, times in tallies])
         apart = np.linspace(-1, 1, self.config.components + 2)[1:-1, None]  # none alike

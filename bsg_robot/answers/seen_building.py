@@ -20,7 +20,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.records import read_number
-from bsg_data.sources.room_words import RoomWords
+from bsg_data.sources.label_table import RoomWords
 from bsg_data.words.shown import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation

@@ -93,7 +93,9 @@ SPACE = load_class_space()
 
 
 def run_of(model: str, folder: str, kind: Kind = "run") -> tuple[FoundModel, CheckpointHeader]:
-    header = CheckpointHeader(config=find_config(model), class_space=SPACE, dataset_sha256="")
+    header = CheckpointHeader(
+        format_version=1, config=find_config(model), class_space=SPACE, dataset_sha256=""
+    )
     return FoundModel(Path(folder) / "best.safetensors", folder, kind), header
 
 
