@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -218,12 +217,13 @@ class _OneOfBLAS:
 
     def __init__(self) -> None:
         self._door, self._inside, self._limits = Lock(), 0, ExitStack()
+        self._libraries: ThreadpoolController | None = None  # it takes long to find them
 
     def __enter__(self) -> None:
         with self._door:
             if not self._inside:
-                limits = _find_libraries().limit(limits=1, user_api="blas")
-                self._limits.enter_context(limits)
+                self._libraries = self._libraries or ThreadpoolController()
+                self._limits.enter_context(self._libraries.limit(limits=1, user_api="blas"))
             self._inside += 1
 
     def __exit__(self, *_: object) -> None:
@@ -234,8 +234,3 @@ class _OneOfBLAS:
 
 
 _ONE_OF_BLAS = _OneOfBLAS()
-
-
-@cache
-def _find_libraries() -> ThreadpoolController:
-    return ThreadpoolController()

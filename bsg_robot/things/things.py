@@ -52,7 +52,7 @@ class Thing:
     """A thing that people look for."""
 
     name: str
-    spellings: tuple[str, ...]  # its other names
+    names: tuple[str, ...]  # all its names, this one first
     wider: str | None  # the class that every such thing is of
     # (common label of a room, weight), those of homes first, and of each the likeliest. The weights
     # of homes' rooms add up to 1; those of other rooms come on top, on the same scale.
@@ -61,11 +61,6 @@ class Thing:
     sight: float  # P(one is in sight of somebody who sees the floor and surfaces of its room)
     stays: float  # hours after which half of them are elsewhere
     groups: tuple[str, ...]  # of things that people keep together, rows of groups-v1
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All its names."""
-        return self.name, *self.spellings
 
     def probability_in(self, label: str) -> float:
         """Return the weight of rooms with a label, or with the label by which models read it.
@@ -147,7 +142,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     things = tuple(
         Thing(
             name=name,
-            spellings=split_cell(spellings),
+            names=(name, *split_cell(spellings)),
             wider=wider or None,
             rooms=split_weights(rooms, of=100.0),
             home=float(home) / 100,
@@ -157,7 +152,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         )
         for name, spellings, wider, rooms, home, sight, stays, groups in rows
     )
-    named = [(name, thing) for thing in things for name in (thing.name, *thing.spellings)]
+    named = [(name, thing) for thing in things for name in thing.names]
     names = separate_names([name for name, _ in named])
     listed = {name: thing for name, (_, thing) in zip(names, named, strict=True)}
     return things, {name.replace(" ", ""): thing for name, thing in listed.items()} | listed
