@@ -28,8 +28,12 @@ from bsg_data.seal import SEAL, read_seal
 from bsg_data.words.shown import show_value
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.inputs.folds import untaught_of
-from bsg_models.runs.checkpoint_file import CHECKPOINT_VERSION, open_checkpoint, read_fields
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import (
+    BEST,
+    CHECKPOINT_VERSION,
+    open_checkpoint,
+    read_fields,
+)
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import BeliefModel, State, make_model

@@ -21,8 +21,7 @@ from bsg_data.seal import read_seal
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.checkpoint_file import read_fields
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST, read_fields
 
 DEFAULT_MODEL = "universal"
 TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence

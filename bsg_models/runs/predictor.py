@@ -39,6 +39,9 @@ class Predictor:
         name: a shipped model's own name, else that in the zoo.
         classes: `[C]` that it predicts.
         class_space: of these classes.
+        vocabulary: categories outside the classes that the model reads as evidence.
+        untaught: classes of which no train building had an object: none is expected anywhere.
+        reads_labels: whether the model reads the kinds of rooms.
 
     Examples:
         >>> predictor = Predictor()  # doctest: +SKIP
@@ -62,7 +65,8 @@ class Predictor:
         self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
         self.name = found.name if found.kind == "shipped" else self._header.config.name
-        self.classes = self.class_space.classes
+        self.classes, self.untaught = self.class_space.classes, self._header.untaught
+        self.vocabulary, self.reads_labels = self._model.vocabulary, self._model.reads_labels
 
     @cached_property
     def is_free(self) -> bool:
@@ -73,21 +77,6 @@ class Predictor:
         names = [Path(file).stem for file, listed in shipped.items() if listed == sha256]
         cards = (read_card(read_shipped_card(name), origin=name) for name in names)
         return any(not card.is_restricted for card in cards)
-
-    @property
-    def vocabulary(self) -> tuple[str, ...]:
-        """Categories outside the classes that the model reads as evidence."""
-        return self._model.vocabulary
-
-    @property
-    def untaught(self) -> tuple[str, ...]:
-        """Classes of which no train building had an object: none is expected anywhere."""
-        return self._header.untaught
-
-    @property
-    def reads_labels(self) -> bool:
-        """Whether the model reads the kinds of rooms."""
-        return self._model.reads_labels
 
     @cached_property
     def class_map(self) -> ClassMap:
@@ -175,7 +164,7 @@ class Predictor:
                 f"class map into {self.class_space.name}: "
                 "read_robot_graph(path, class_map=predictor.class_map)"
             )
-        return graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
+        return graph.observation(vocabulary=self.vocabulary, withheld=withheld)
 
 
 def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:

@@ -110,7 +110,7 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(lambda: self.predict(seen))
+        found = self._ask(self.predict, seen)
         if self.untaught is None:
             return found
         return replace(found, hidden_counts=found.hidden_counts.without(self.untaught))
@@ -129,7 +129,7 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(lambda: self.predict_rooms(seen, rows))
+        found = self._ask(self.predict_rooms, seen, rows)
         return found if self.untaught is None else found.without(self.untaught)
 
     def predict_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
@@ -140,14 +140,14 @@ class BeliefModel(ABC):
         """Return it without what makes rooms depend on each other: some are asked faster."""
         return self
 
-    def require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
+    def _ask(self, predict: Callable[..., _Belief], *asked: Any) -> _Belief:
         """Return an answer, computed on one thread, if it is finite.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
         with one_thread():
-            belief = ask()
+            belief = predict(*asked)
         if not belief.is_finite:
             raise PredictionError(
                 f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "

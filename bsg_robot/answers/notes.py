@@ -94,7 +94,7 @@ def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
 
 def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     """Yield which names are not in the class map, and which were read by a rule."""
-    unmapped, things, kinds = [], [], []
+    unmapped, things, kinds = list[str](), list[str](), list[str]()
     for name, times in Counter(dict(sorted(list_unmapped(graph).items()))).most_common():
         if class_map.classify(name).category is not None:
             continue

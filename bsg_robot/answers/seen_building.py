@@ -242,7 +242,8 @@ class SeenBuilding(RobotMap):
         all homes. There is none if this home has taught nothing of it. A place without sightings
         that nobody told is one of other things of its group, such as drinks.
         """
-        return self._now.home.list_habits(self._now.seek(thing).meaning)
+        meaning = self._now.seek(thing).meaning
+        return self._now.home.list_habits(meaning) if self._now.is_taught else ()
 
     @alone
     def kinds(self, room: str) -> tuple[RoomKind, ...]:

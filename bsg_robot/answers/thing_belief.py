@@ -218,14 +218,6 @@ def _miss(objects: Sequence[SeenObject], chance: float) -> float:
     return math.prod([1 - chance * obj.probability for obj in objects])
 
 
-def believe_class(counts: CountDistribution) -> tuple[CountDistribution, float]:
-    """Return the hidden counts of a class `[N, 1]`, and P(the building hides none).
-
-    The building is never less likely to hide one than its likeliest room.
-    """
-    return counts, float(1 - counts.presence.max())
-
-
 def believe_noun(
     noun: Noun, belief: Expectation, nouns: NounTable
 ) -> tuple[CountDistribution, float]:

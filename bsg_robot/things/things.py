@@ -70,7 +70,7 @@ class Thing:
         storage room, but in no storage room of a home. A narrow room has what is named there alone.
         """
         rooms = dict(self.rooms)
-        if label in rooms or is_narrow(label):
+        if label in rooms or label in read_narrow():
             return rooms.get(label, 0.0)
         return rooms.get(known_label(label), 0.0)
 
@@ -190,13 +190,9 @@ def _read_groups() -> tuple[Mapping[str, str], frozenset[str], frozenset[str]]:
     return names, together, used_up
 
 
-def is_narrow(label: str) -> bool:
-    """Say whether rooms with a label hold only what the table of things names there: a lift."""
-    return label in _read_narrow()
-
-
 @cache
-def _read_narrow() -> frozenset[str]:
+def read_narrow() -> frozenset[str]:
+    """Return the labels of rooms that hold only what the table of things names there: a lift."""
     table = read_table("kinds-v1.csv")
     return frozenset(
         kind for kind, holds in zip(table["kind"], table["holds"], strict=True) if holds

@@ -18,7 +18,7 @@ from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.studies import leaderboard
 from bsg_models.studies.leaderboard import (
     DATASET,
