@@ -21,7 +21,6 @@ from bsg_models.belief.clock import HOUR, has_stayed
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
 from bsg_models.search.looks import doubt, miss_all, overlooked_at
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.habits import has_rested
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
@@ -126,6 +125,8 @@ def _doubt_objects(
 
 def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObject], float]:
     """Return object → P(it is where it was seen), by what this home remembers of it."""
+    from bsg_robot.answers.habits import has_rested  # only with a clock
+
     memory = {known.name: known for known in graph.memory}
 
     def stay(obj: SeenObject) -> float:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,8 +24,6 @@ from bsg_robot.answers.evidence import (
     sum_looks,
     weigh_evidence,
 )
-from bsg_robot.answers.habits import Usual
-from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
 from bsg_robot.answers.nouns import read_nouns
@@ -54,6 +53,10 @@ from bsg_robot.graph import reports
 from bsg_robot.graph.reports import reclassify
 from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
 from bsg_robot.things.things import Thing, find_thing, list_narrower
+
+if TYPE_CHECKING:
+    from bsg_robot.answers.habits import Usual
+    from bsg_robot.answers.home import Home
 
 _SURELY = 1 - 1e-9
 _SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
@@ -248,6 +251,8 @@ class Posterior:
     @cached_property
     def home(self) -> Home:
         """What this home has taught."""
+        from bsg_robot.answers.home import Home  # most homes have taught nothing
+
         after = {obj.name: obj.probability for obj in self.graph.objects}
         still = {}
         for obj in self.reported.objects:

@@ -434,8 +434,8 @@ class SeenBuilding(RobotMap):
         Several rooms in a row that are not found yet are one step.
         """
         search = _Search(costs, look, chance, task, budget, speed)
-        plan, decision, beliefs = self._plan(things, [here], search)
-        (ways, costs_of_looks), (nodes,) = self._cost(costs, look), plan.places
+        plan, decision, beliefs, ways, looks = self._plan(things, [here], search)
+        (nodes,) = plan.places
         found = plan.problem.found(plan.looks[0])
         sought = [beliefs[number].probability for number in decision.things]
         likely = 1 - np.prod([1 - probability for probability in sought], axis=0)
@@ -443,7 +443,7 @@ class SeenBuilding(RobotMap):
         spent, at = 0.0, find_room(self.graph, here)
         for number, node in enumerate(nodes):
             way = float(ways.costs[at, node])
-            cost = 0.0 if decision.is_known else float(costs_of_looks[node])
+            cost = 0.0 if decision.is_known else float(looks[node])
             spent, at = spent + way + cost, node
             step = Step(
                 room=self._name(node),
@@ -539,14 +539,14 @@ class SeenBuilding(RobotMap):
 
     def _plan(
         self, things: str | Sequence[str], robots: Sequence[str], search: _Search
-    ) -> tuple[Plan, Decision, list[ThingBelief]]:
+    ) -> tuple[Plan, Decision, list[ThingBelief], Ways, Floats]:
         """Return the plan of some robots, by their rooms, and what it was made of."""
         search.check()
         here = [find_room(self.graph, room) for room in robots]
         ways, looks = self._cost(search.costs, search.look)
         decision, beliefs = self._weigh(things, here, ways, search)
         plan = decision.plan(ways.costs, looks, here=here, budget=search.spend(ways))
-        return plan, decision, beliefs
+        return plan, decision, beliefs, ways, looks
 
     def _weigh(
         self,

@@ -152,9 +152,9 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         )
         for name, spellings, wider, rooms, home, sight, stays, groups in rows
     )
-    named = [(name, thing) for thing in things for name in thing.names]
-    names = separate_names([name for name, _ in named])
-    listed = {name: thing for name, (_, thing) in zip(names, named, strict=True)}
+    names = separate_names([name for thing in things for name in thing.names])
+    named = [thing for thing in things for _ in thing.names]
+    listed = dict(zip(names, named, strict=True))
     return things, {name.replace(" ", ""): thing for name, thing in listed.items()} | listed
 
 
