@@ -13,7 +13,6 @@ import numpy as np
 
 from bsg_data.arrays import Counts, Ints
 from bsg_data.observation.observation import Observation
-from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.arrays import Array, add_rows, doubles, floats, library_of
 
@@ -61,9 +60,12 @@ class Nodes(_Arrays):
 class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
-    width: Callable[[], int]
     encode: Callable[[Surroundings], Array]  # [N or B, width] of order one; 0 if unknown
     of_building: bool = False
+
+    def width(self) -> int:
+        """Return the number of features."""
+        return int(self.encode(Surroundings.unknown(nodes=1)).shape[1])
 
 
 def to_nodes(
@@ -220,19 +222,15 @@ def mark(index: Array, width: int) -> Array:
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.
 EVIDENCE = {
-    "size": _Encoding(
-        lambda: 2, lambda around: encode_area(floats(np.nan_to_num(around.floor_area)))
-    ),
-    "labels": _Encoding(lambda: len(list_room_labels()), lambda around: floats(around.labels)),
+    "size": _Encoding(lambda around: encode_area(floats(np.nan_to_num(around.floor_area)))),
+    "labels": _Encoding(lambda around: floats(around.labels)),
     # A home is marked like an unknown kind, and HM3D like an unknown source: most robots are in
     # real homes, and a graph says neither.
     "kind": _Encoding(
-        lambda: len(BUILDING_KINDS) - 1,
         lambda around: mark(around.building_kinds - 1, len(BUILDING_KINDS) - 1),
         of_building=True,
     ),
     "source": _Encoding(
-        lambda: len(KNOWN_SOURCES) - 1,
         lambda around: mark(around.sources - 1, len(KNOWN_SOURCES) - 1),
         of_building=True,
     ),
