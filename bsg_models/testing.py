@@ -30,7 +30,7 @@ from bsg_models.evaluation.metric import Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_model
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.training.count_gradients import as_network
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, read_config, validate_config, write_toml

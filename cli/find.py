@@ -209,13 +209,14 @@ def _print_places(
 
     anywhere, is_counted = seen.anywhere(meaning.word), name_answerer(meaning) != "likeness"
     words = {obj.name: f"{obj.name} ({obj.raw_category})" for obj in seen.graph.objects}
-    columns: dict[str, Callable[[bsg_robot.Place], str]] = {
-        "room": _name,
-        f"P({meaning.name})": lambda place: _percent(place.probability),
-        "if there is one": lambda place: _percent(place.if_there),
-        "expected more": lambda place: f"{place.expected:.2f}",
-        "seen": lambda place: ", ".join(words[name] for name in place.seen) or "–",
-        "cost": lambda place: _cost(place.cost, unit),
+    shown = places[:_MOST_ROWS]
+    columns = {
+        "room": [_name(place) for place in shown],
+        f"P({meaning.name})": [_percent(place.probability) for place in shown],
+        "if there is one": [_percent(place.if_there) for place in shown],
+        "expected more": [f"{place.expected:.2f}" for place in shown],
+        "seen": [", ".join(words[name] for name in place.seen) or "–" for place in shown],
+        "cost": [_cost(place.cost, unit) for place in shown],
     }
     order = [*columns]
     if not is_counted:  # what annotators write down says little of how many homes have one
@@ -225,7 +226,7 @@ def _print_places(
         order.remove("if there is one")
     if unit is None:
         order.remove("cost")
-    rows = [[columns[name](place) for name in order] for place in places[:_MOST_ROWS]]
+    rows = [*zip(*(columns[name] for name in order), strict=True)]
     numbers = [name for name in order if name not in ("room", "seen")]
     print_text(format_text(rows, header=order, numeric=numbers))
     if len(places) > _MOST_ROWS:
@@ -288,20 +289,20 @@ def _print_plan(
     timed = bool(steps) and steps[0]["seconds"] is not None
     if len(steps) < (1 if timed else 2):
         return
-    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
-        "look into": lambda step: _call(step["room"], step["label"]),
-        "P(any)" if several else "P": lambda step: _percent(step["probability"]),
-        "way": lambda step: _cost(step["way"], unit),
-        "look": lambda step: _cost(step["look"], unit, here="nothing"),
+    shown = steps[:_MOST_STEPS]
+    columns = {
+        "look into": [_call(step["room"], step["label"]) for step in shown],
+        "P(any)" if several else "P": [_percent(step["probability"]) for step in shown],
+        "way": [_cost(step["way"], unit) for step in shown],
+        "look": [_cost(step["look"], unit, here="nothing") for step in shown],
     }
     if timed:
-        columns["time"] = lambda step: f"{step['seconds']:.0f} s"
+        columns["time"] = [f"{step['seconds']:.0f} s" for step in shown]
     ended = "all found by then" if several else "ended by then"
-    columns[ended] = lambda step: _percent(step["found"])
+    columns[ended] = [_percent(step["found"]) for step in shown]
     if several:
-        columns["any found by then"] = lambda step: _percent(step["any_found"])
-    rows = [[say(step) for say in columns.values()] for step in steps[:_MOST_STEPS]]
-    header = [*columns]
+        columns["any found by then"] = [_percent(step["any_found"]) for step in shown]
+    rows, header = [*zip(*columns.values(), strict=True)], [*columns]
     print_text("\n" + format_text(rows, header=header, numeric=header[1:]))
     if len(steps) > _MOST_STEPS:
         print_note(f"… and {len(steps) - _MOST_STEPS:,} more; --json prints all")

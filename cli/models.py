@@ -90,7 +90,8 @@ def show(name: str) -> None:
 def _print_training(run: Path) -> None:
     """Print what a run is and how it was trained."""
     from bsg_models.runs.checkpoint import read_header
-    from bsg_models.runs.run_folder import BEST, CONFIG, read_record
+    from bsg_models.runs.checkpoint_file import BEST
+    from bsg_models.runs.run_folder import CONFIG, read_record
 
     require_seal(run)
     print_run(run)

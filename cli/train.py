@@ -128,7 +128,8 @@ def _note_other_mask(config: RunConfig, dataset: Path) -> None:
 def print_run(run: Path) -> None:
     """Print what a run is, and how good its best epoch was."""
     from bsg_models.runs.checkpoint import read_header
-    from bsg_models.runs.run_folder import BEST, CURVE, list_outdated, read_record
+    from bsg_models.runs.checkpoint_file import BEST
+    from bsg_models.runs.run_folder import CURVE, list_outdated, read_record
 
     checkpoint, curve = run / BEST, run / CURVE
     header, record = read_header(checkpoint), read_record(run)

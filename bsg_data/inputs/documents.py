@@ -14,8 +14,6 @@ from collections.abc import Hashable
 from pathlib import Path
 from typing import Any, NoReturn
 
-import yaml
-
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
 from bsg_data.inputs.bounds import MAX_VALUES
@@ -88,8 +86,27 @@ def _refuse_number(word: str) -> NoReturn:
 
 def parse_yaml(data: bytes) -> Any:
     """Parse YAML as text, lists and mappings alone."""
+    import yaml  # slow to import, and JSON does not need it
+
+    class PlainLoader(yaml.BaseLoader):  # type: ignore[misc] # the faster one ends the process where nesting is deep
+        """Constructs text, lists and mappings, whose keys are there once."""
+
+        def construct_mapping(
+            self, node: yaml.MappingNode, deep: bool = False
+        ) -> dict[Hashable, Any]:
+            keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+            if len(keys) < len(node.value):
+                (twice, times), *_ = keys.most_common(1) or [("", 0)]
+                fault = (
+                    f"the key {show_value(twice)} twice"
+                    if times > 1
+                    else "a list or a mapping as a key"
+                )
+                raise ValueError(fault)
+            return dict(super().construct_mapping(node, deep=deep))
+
     try:
-        return yaml.load(decode(data), Loader=_PlainLoader)  # noqa: S506 -- text, lists, mappings
+        return yaml.load(decode(data), Loader=PlainLoader)  # noqa: S506 -- text, lists, mappings
     except RecursionError:
         raise ValueError("expected YAML (nested too deep)") from None
     except (yaml.YAMLError, ValueError) as error:
@@ -140,19 +157,3 @@ def _require_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
         raise ValueError(f"the key {show_value(twice)} twice")
     return table
-
-
-class _PlainLoader(yaml.BaseLoader):  # type: ignore[misc] # the faster one ends the process where nesting is deep
-    """Constructs text, lists and mappings, whose keys are there once."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
-        if len(keys) < len(node.value):
-            (twice, times), *_ = keys.most_common(1) or [("", 0)]
-            fault = (
-                f"the key {show_value(twice)} twice"
-                if times > 1
-                else "a list or a mapping as a key"
-            )
-            raise ValueError(fault)
-        return dict(super().construct_mapping(node, deep=deep))

@@ -489,8 +489,8 @@ def _list_keys() -> Mapping[str, str]:
         word: "".join(map(make_singular, letters))
         for word, letters in zip(words, spoken, strict=True)
     }
-    plain_last = sorted(words, key=lambda word: keyed[word] == word.replace(" ", ""))
-    return {keyed[word]: word for word in plain_last}
+    plain = [word for word in words if keyed[word] == word.replace(" ", "")]
+    return {keyed[word]: word for word in (*words, *plain)}
 
 
 @cache

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import RecipeError, SourceError
+from bsg_data.files import AnyPath
 from bsg_data.inputs.text_table import find_columns, read_csv
+from bsg_data.scene.room_label import check_own_label
 from bsg_data.words.shown import SHOWN, show_value
 
 _Key = TypeVar("_Key")
+RoomWords: TypeAlias = "AnyPath | Mapping[str, str | None]"  # a path, or what the table holds
 
 
 def read_labels(
@@ -57,3 +60,38 @@ def read_labels(
                     where=where,
                 )
     return labels, [name for column, name in enumerate(header) if column not in wanted]
+
+
+def read_room_words(source: RoomWords) -> tuple[tuple[str, str | None], ...]:
+    """Read a table `source_label,label`: words, each with its label; None if it names no kind.
+
+    Args:
+        source: path of the table, or what it holds.
+
+    Raises:
+        SourceError: if the file is no such table, or a label is none of ours.
+    """
+    if isinstance(source, Mapping):
+        for text in (*source, *source.values()):
+            if not isinstance(text, str | None):
+                raise RecipeError(
+                    f"room_labels: expected words with their labels, found {show_value(text)}",
+                    code="room-label-unknown",
+                )
+        return tuple((word, check_own_label(word, label)) for word, label in source.items())
+    labels, _ = read_labels(Path(source), {"source_label": (), "label": ()}, _read_key)
+    words = []
+    for word, (label, where) in labels.items():
+        try:
+            words.append((word, check_own_label(word, label)))
+        except RecipeError as error:
+            raise SourceError(f"{where}: {error}", code=error.code, where=where) from error
+    return tuple(words)
+
+
+def _read_key(where: str, cells: list[str]) -> str:
+    (word,) = cells
+    if not word:
+        message = f"{where}: expected a word for a room in source_label, found none"
+        raise SourceError(message, code="row-malformed", where=where)
+    return word

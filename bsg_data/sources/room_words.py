@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
 
-from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.room_label import RoomReader, check_own_label
+from bsg_data.scene.room_label import RoomReader
 from bsg_data.scene.scene_graph import Room
-from bsg_data.sources.label_table import read_labels
+from bsg_data.sources.label_table import read_room_words
 from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
-from bsg_data.words.shown import show_value
-
-RoomWords: TypeAlias = "AnyPath | Mapping[str, str | None]"  # a path, or what the table holds
 
 
 class WithRoomLabels(Wrapper):
@@ -55,38 +49,3 @@ class WithRoomLabels(Wrapper):
         word = room.source_label or ""
         is_listed = self._reader.find_own(word)
         return replace(room, label=self._reader(word).label) if is_listed else room
-
-
-def read_room_words(source: RoomWords) -> tuple[tuple[str, str | None], ...]:
-    """Read a table `source_label,label`: words, each with its label; None if it names no kind.
-
-    Args:
-        source: path of the table, or what it holds.
-
-    Raises:
-        SourceError: if the file is no such table, or a label is none of ours.
-    """
-    if isinstance(source, Mapping):
-        for text in (*source, *source.values()):
-            if not isinstance(text, str | None):
-                raise RecipeError(
-                    f"room_labels: expected words with their labels, found {show_value(text)}",
-                    code="room-label-unknown",
-                )
-        return tuple((word, check_own_label(word, label)) for word, label in source.items())
-    labels, _ = read_labels(Path(source), {"source_label": (), "label": ()}, _read_key)
-    words = []
-    for word, (label, where) in labels.items():
-        try:
-            words.append((word, check_own_label(word, label)))
-        except RecipeError as error:
-            raise SourceError(f"{where}: {error}", code=error.code, where=where) from error
-    return tuple(words)
-
-
-def _read_key(where: str, cells: list[str]) -> str:
-    (word,) = cells
-    if not word:
-        message = f"{where}: expected a word for a room in source_label, found none"
-        raise SourceError(message, code="row-malformed", where=where)
-    return word

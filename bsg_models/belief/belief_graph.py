@@ -17,11 +17,10 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.words.shown import show_value
-from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.expectation import LEAST_PRESENCE, Expectation
 from bsg_models.belief.partial_graph import PartialGraph
 
 Mode = Literal["complete", "unseen"]
-LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
 
 
 @dataclass(frozen=True, slots=True)

@@ -187,7 +187,7 @@ class CountDistribution:
         none = none_seen(share, true.means, true.dispersions, true._gains)  # [S, K, N, C]
         log_p: Floats = np.log(np.maximum((none * true.weights).sum(axis=1), TINY))
         node, column = np.nonzero(seen)
-        some, counts = true.take(node, column[:, None]), seen[node, column][:, None]
+        some, counts = true.take(node).take_classes(column[:, None]), seen[node, column][:, None]
         each: Floats = log_seen(counts, share[:, :, node], some.means, some.dispersions, some.tilts)
         with np.errstate(divide="ignore"):
             log_p[:, node, column] = log_sum_exp(each + np.log(some.weights), axis=1)[..., 0]
@@ -223,12 +223,9 @@ class CountDistribution:
             vars(chosen).update(_untilted_none=none, _gains=gains)
         return chosen
 
-    def take(
-        self, rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer] | None = None
-    ) -> CountDistribution:
-        """Return the distribution of some nodes `[M]`, and of some classes of each, `[M, A]`."""
-        taken = self._each(lambda part: part[..., rows, :])
-        return taken if columns is None else taken.take_classes(columns)
+    def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
+        """Return the distribution of some nodes `[M]`."""
+        return self._each(lambda part: part[..., rows, :])
 
     def take_classes(self, columns: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some classes of every node, `columns` `[N, A]`."""

@@ -22,6 +22,8 @@ from bsg_models.belief.count_distribution import (
     poisson,
 )
 
+LEAST_PRESENCE = 0.005  # a lower one is not told: such classes get no blind node
+
 
 @dataclass(frozen=True, eq=False)
 class Expectation:

@@ -10,11 +10,9 @@ from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from bsg_data.arrays import Counts, Ints
 from bsg_data.observation.observation import Observation
-from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.arrays import Array, add_rows, doubles, floats, library_of
 
@@ -23,7 +21,6 @@ _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # Of a building's kind and source, so that what is learned in shops stays there: restaurants have
 # several refrigerators, and a home was believed to have another with .13, now with .05.
 _MARK_SCALE = 4.0
-_Singles = npt.NDArray[np.float32]
 _Form = TypeVar("_Form", bound="_Arrays")
 
 
@@ -63,9 +60,12 @@ class Nodes(_Arrays):
 class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
-    width: Callable[[], int]
-    encode: Callable[[Surroundings], _Singles]  # [N or B, width] of order one; 0 if unknown
+    encode: Callable[[Surroundings], Array]  # [N or B, width] of order one; 0 if unknown
     of_building: bool = False
+
+    def width(self) -> int:
+        """Return the number of features."""
+        return int(self.encode(Surroundings.unknown(nodes=1)).shape[1])
 
 
 def to_nodes(
@@ -86,8 +86,8 @@ def to_nodes(
         values = EVIDENCE[name].encode(seen.surroundings)
         evidence[name] = values[building] if EVIDENCE[name].of_building else values
     return Nodes(
-        x=_floats(seen.inputs),
-        y=_floats(seen.inputs[:0] if targets is None else targets),
+        x=floats(seen.inputs),
+        y=floats(seen.inputs[:0] if targets is None else targets),
         hiding=np.flatnonzero(() if targets is None else targets > seen.inputs),
         neighbours=Neighbours.of(seen, edges),
         building=building,
@@ -95,8 +95,8 @@ def to_nodes(
         is_building=seen.is_building,
         visited=seen.visited,
         hidden_share=seen.hidden_share,
-        share=_floats(seen.cell_share),
-        unclassified=_floats(seen.unclassified),
+        share=floats(seen.cell_share),
+        unclassified=floats(seen.unclassified),
         evidence=evidence,
     )
 
@@ -222,27 +222,19 @@ def mark(index: Array, width: int) -> Array:
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.
 EVIDENCE = {
-    "size": _Encoding(
-        lambda: 2, lambda around: encode_area(_floats(np.nan_to_num(around.floor_area)))
-    ),
-    "labels": _Encoding(lambda: len(list_room_labels()), lambda around: _floats(around.labels)),
+    "size": _Encoding(lambda around: encode_area(floats(np.nan_to_num(around.floor_area)))),
+    "labels": _Encoding(lambda around: floats(around.labels)),
     # A home is marked like an unknown kind, and HM3D like an unknown source: most robots are in
     # real homes, and a graph says neither.
     "kind": _Encoding(
-        lambda: len(BUILDING_KINDS) - 1,
         lambda around: mark(around.building_kinds - 1, len(BUILDING_KINDS) - 1),
         of_building=True,
     ),
     "source": _Encoding(
-        lambda: len(KNOWN_SOURCES) - 1,
         lambda around: mark(around.sources - 1, len(KNOWN_SOURCES) - 1),
         of_building=True,
     ),
 }
-
-
-def _floats(values: npt.NDArray[Any]) -> _Singles:
-    return values.astype(np.float32)
 
 
 def _move(value: Any, device: Any) -> Any:

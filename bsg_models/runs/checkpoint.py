@@ -20,7 +20,6 @@ from pydantic import Field, ValidationError
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from bsg_data.dataset.manifest import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.records import Record, name_fault
 from bsg_data.scene.class_map import OwnMap
@@ -29,8 +28,12 @@ from bsg_data.seal import SEAL, read_seal
 from bsg_data.words.shown import show_value
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.inputs.folds import untaught_of
-from bsg_models.runs.checkpoint_file import CHECKPOINT_VERSION, open_checkpoint, read_fields
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import (
+    BEST,
+    CHECKPOINT_VERSION,
+    open_checkpoint,
+    read_fields,
+)
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import BeliefModel, State, make_model
@@ -43,7 +46,7 @@ class CheckpointHeader(Record):
     """The header of a checkpoint."""
 
     checkpoint_version: int = CHECKPOINT_VERSION  # version of this format
-    format_version: int = FORMAT_VERSION  # version of the dataset format that it was trained on
+    format_version: int  # version of the dataset format that it was trained on
     config: RunConfig  # of the run
     class_space: ClassSpace  # classes of the histograms that it reads and predicts
     # one per source of its dataset: published maps by name, the user's own in full
@@ -84,6 +87,7 @@ def make_header(
 ) -> CheckpointHeader:
     """Return the header for a checkpoint of a run; `fields` are its other fields."""
     return CheckpointHeader(
+        format_version=data.manifest.format_version,
         config=config,
         class_space=data.manifest.class_space,
         class_maps=tuple(entry.read(data.path) for entry in data.manifest.class_maps),

@@ -12,6 +12,7 @@ from bsg_data.errors import ask_to_upgrade
 from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
 
+BEST = "best.safetensors"  # of a run
 CHECKPOINT_VERSION = 1
 _LENGTH = 8  # bytes that hold the length of the header
 

@@ -21,8 +21,7 @@ from bsg_data.seal import read_seal
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.checkpoint_file import read_fields
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST, read_fields
 
 DEFAULT_MODEL = "universal"
 TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence
@@ -76,12 +75,12 @@ def _find_name(model: str) -> FoundModel:
     if "/" in model or os.sep in model or model.startswith(".") or model.endswith(SUFFIX):
         is_hub = _HUB_ID.fullmatch(model) and not (path.exists() or path.parent.is_dir())
         return _find_downloaded(model) if is_hub else _find_path(path)
-    names = shipped_names()
-    if model in names:
-        return FoundModel(weights_folder() / f"{model}{SUFFIX}", model, "shipped")
+    shipped = weights_folder() / f"{model}{SUFFIX}"  # what is read is checked by its hash
+    if shipped.is_file():
+        return FoundModel(shipped, model, "shipped")
     if model and path.is_dir():
         return _find_path(path)
-    hint = f"{ask_if_meant(model, names)} {_describe_shipped()}".lstrip()
+    hint = f"{ask_if_meant(model, shipped_names())} {_describe_shipped()}".lstrip()
     raise CheckpointError(
         f"no model {model[:SHOWN]!r}: no folder here and no shipped model has this name; {hint}"
     )

@@ -29,7 +29,6 @@ from bsg_models.errors import CheckpointError
 from bsg_models.inputs.hidden_shares import spread_shares, update_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model
 from bsg_models.runs.found_model import DEFAULT_MODEL, find_model, read_shipped_card, weights_folder
-from bsg_models.runs.model_card import read_card
 from bsg_models.zoo.model import one_thread
 
 
@@ -40,6 +39,9 @@ class Predictor:
         name: a shipped model's own name, else that in the zoo.
         classes: `[C]` that it predicts.
         class_space: of these classes.
+        vocabulary: categories outside the classes that the model reads as evidence.
+        untaught: classes of which no train building had an object: none is expected anywhere.
+        reads_labels: whether the model reads the kinds of rooms.
 
     Examples:
         >>> predictor = Predictor()  # doctest: +SKIP
@@ -63,35 +65,19 @@ class Predictor:
         self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
         self.name = found.name if found.kind == "shipped" else self._header.config.name
-        self.classes = self.class_space.classes
+        self.classes, self.untaught = self.class_space.classes, self._header.untaught
+        self.vocabulary, self.reads_labels = self._model.vocabulary, self._model.reads_labels
+        self.fold = self._header.config.data.fold
 
     @cached_property
     def is_free(self) -> bool:
         """Whether it is a shipped model that everybody may use for anything, as its card says."""
+        from bsg_models.runs.model_card import read_card  # an answer reads no card
+
         sha256, shipped = hash_file(self._path), read_seal(weights_folder()) or {}
         names = [Path(file).stem for file, listed in shipped.items() if listed == sha256]
         cards = (read_card(read_shipped_card(name), origin=name) for name in names)
         return any(not card.is_restricted for card in cards)
-
-    @property
-    def vocabulary(self) -> tuple[str, ...]:
-        """Categories outside the classes that the model reads as evidence."""
-        return self._model.vocabulary
-
-    @property
-    def untaught(self) -> tuple[str, ...]:
-        """Classes of which no train building had an object: none is expected anywhere."""
-        return self._header.untaught
-
-    @property
-    def fold(self) -> int | None:
-        """The fold of its dataset that it was trained without; None without folds."""
-        return self._header.config.data.fold
-
-    @property
-    def reads_labels(self) -> bool:
-        """Whether the model reads the kinds of rooms."""
-        return self._model.reads_labels
 
     @cached_property
     def class_map(self) -> ClassMap:
@@ -179,7 +165,7 @@ class Predictor:
                 f"class map into {self.class_space.name}: "
                 "read_robot_graph(path, class_map=predictor.class_map)"
             )
-        return graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
+        return graph.observation(vocabulary=self.vocabulary, withheld=withheld)
 
 
 def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:

@@ -16,11 +16,12 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Record, name_fault
 from bsg_data.seal import read_seal
 from bsg_models.errors import TrainingError
+from bsg_models.runs.checkpoint_file import BEST
 
 if TYPE_CHECKING:  # a card is read without Arrow
     from bsg_data.dataset.dataset import Dataset
 
-BEST, CONFIG, RECORD = "best.safetensors", "config.toml", "training.json"
+CONFIG, RECORD = "config.toml", "training.json"
 METRICS, CURVE = "metrics.csv", "curve.png"  # only of networks
 UNKNOWN = "unknown"
 

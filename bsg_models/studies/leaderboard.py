@@ -45,7 +45,8 @@ from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST, read_record
+from bsg_models.runs.checkpoint_file import BEST
+from bsg_models.runs.run_folder import read_record
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig

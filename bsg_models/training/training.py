@@ -27,8 +27,8 @@ from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.rendering.figures import plot_learning_curve
 from bsg_models.runs.checkpoint import read_header, save_model
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.runs.run_folder import (
-    BEST,
     CONFIG,
     CURVE,
     METRICS,

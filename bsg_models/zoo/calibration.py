@@ -24,7 +24,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.observation import Observation
-from bsg_models.arrays import library_of, take_columns
+from bsg_models.arrays import library_of
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import TINY
@@ -81,21 +81,14 @@ class CalibratedModel(BeliefModel):
         whole = sum_rooms(rooms, seen, log_factor=factor)
         return Expectation(seen.inputs.astype(np.float64), whole)
 
-    def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
-    ) -> CountDistribution:
+    def predict_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the hidden counts of some rooms, without computing cells that change nothing."""
         tilted = self._share_to_tilt(seen)
         if not tilted.any():
-            return self._calibrate_rooms(seen, rows, columns)
-        every, of_building = _add_neighbours(seen, rows), None
-        own = seen.building[every]
-        if columns is not None:
-            of_building = np.zeros((len(seen), columns.shape[1]), dtype=np.int64)
-            of_building[seen.building[rows]] = columns
-            columns = of_building[own]
-        apart = self._calibrate_rooms(seen, every, columns)
-        _, factors = self._tilt(apart.presence, own, seen, tilted, columns=of_building)
+            return self._calibrate_rooms(seen, rows)
+        every = _add_neighbours(seen, rows)
+        apart = self._calibrate_rooms(seen, every)
+        _, factors = self._tilt(apart.presence, seen.building[every], seen, tilted)
         tilted_rooms = apart.with_none_likelier(np.where(apart.presence > 0, factors, 0.0))
         return tilted_rooms.take(np.searchsorted(every, rows))
 
@@ -112,39 +105,24 @@ class CalibratedModel(BeliefModel):
         return share_to_tilt(seen, reads_labels=self.reads_labels)
 
     def _tilt(
-        self,
-        presence: Floats,
-        building: Ints,
-        seen: Observation,
-        tilted: Floats,
-        *,
-        columns: Ints | None = None,
+        self, presence: Floats, building: Ints, seen: Observation, tilted: Floats
     ) -> tuple[Floats, Floats]:
-        """Return tilts of buildings `[B, A]`, and log factors of none of their rooms `[M, A]`.
+        """Return tilts of buildings `[B, C]`, and log factors of none of their rooms `[M, C]`.
 
-        A share `[B, 1]` is tilted; columns `[B, A]` are the classes, None for all.
+        A share `[B, 1]` is tilted.
         """
         found = seen.inputs[seen.starts[:-1]] > 0
-        if columns is not None:
-            found = take_columns(found, columns)
-        line = self.building_calibration[:, :, None if columns is None else columns]
+        line = self.building_calibration[:, :, None]
         tilts, _, factors = tilt(presence, building, found, line, tilted)
         return tilts, factors
 
-    def _calibrate_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
-    ) -> CountDistribution:
+    def _calibrate_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the hidden counts of some rooms as if they were independent."""
-        share = seen.cell_share[rows]
-        if columns is not None:
-            share = take_columns(share, columns)
-        return self.calibrate(self.learned_rooms(seen, rows, columns), share)
+        return self.calibrate(self.learned_rooms(seen, rows), seen.cell_share[rows])
 
-    def learned_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
-    ) -> CountDistribution:
+    def learned_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the uncalibrated hidden counts of some rooms."""
-        return self.predict_hidden_counts(seen).take(rows, columns)
+        return self.predict_hidden_counts(seen).take(rows)
 
     def calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
         """Return the calibrated counts of some cells `[N, A]`, of which a share is hidden."""

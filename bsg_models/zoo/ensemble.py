@@ -68,11 +68,9 @@ class Ensemble(CalibratedModel):
         parts = [member.predict(seen).hidden_counts for member in self.members.values()]
         return blend(parts, [1 / len(parts)] * len(parts))
 
-    def learned_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
-    ) -> CountDistribution:
+    def learned_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the mixture of the members' beliefs about some rooms."""
-        parts = [member.predict_rooms(seen, rows, columns) for member in self.members.values()]
+        parts = [member.predict_rooms(seen, rows) for member in self.members.values()]
         return blend(parts, [1 / len(parts)] * len(parts))
 
 

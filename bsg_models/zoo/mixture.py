@@ -47,7 +47,6 @@ from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, UNKNOWN
-from bsg_models.arrays import take_columns
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
     TINY,
@@ -173,11 +172,9 @@ class _RoomTypeMixture(CalibratedModel):
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
-        return self.learned_rooms(seen, np.arange(len(seen.inputs)), None)
+        return self.learned_rooms(seen, np.arange(len(seen.inputs)))
 
-    def learned_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
-    ) -> CountDistribution:
+    def learned_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the uncalibrated hidden counts of some rooms; all that they show says the type."""
         rooms = _Rooms(
             seen=seen.inputs.astype(np.float64),
@@ -192,15 +189,11 @@ class _RoomTypeMixture(CalibratedModel):
             types, habit = self._learn_habits(rooms, seen.building, posterior)
             types, means = types[:, rows], means * habit[rows]
         weights = self._weigh(own, types, means)[:, :, None]
-        r, prior = self.dispersions[:, None], self.tilts[:, :, None] if self.config.tilted else None
-        counts, share = own.seen, own.share
-        if columns is not None:
-            r, means, counts, share = (
-                take_columns(part, columns) for part in (r, means, counts, share)
-            )
-            prior = prior if prior is None else take_columns(prior, columns)
-        hidden, dispersions = hidden_posterior(r, r / means, counts, share)
-        tilts = None if prior is None else np.stack(hidden_tilts(prior, counts))
+        r = self.dispersions[:, None]
+        hidden, dispersions = hidden_posterior(r, r / means, own.seen, own.share)
+        tilts = None
+        if self.config.tilted:
+            tilts = np.stack(hidden_tilts(self.tilts[:, :, None], own.seen))
         return CountDistribution(hidden, np.broadcast_to(dispersions, hidden.shape), weights, tilts)
 
     def _read_labels(self, labels: npt.NDArray[np.float32]) -> Floats:

@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -111,7 +110,7 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(lambda: self.predict(seen))
+        found = self._ask(self.predict, seen)
         if self.untaught is None:
             return found
         return replace(found, hidden_counts=found.hidden_counts.without(self.untaught))
@@ -120,42 +119,35 @@ class BeliefModel(ABC):
     def predict(self, seen: Observation) -> Expectation:
         """Return the expectation of every node of an observation, of one building or many."""
 
-    def expect_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
-    ) -> CountDistribution:
-        """Return the hidden counts of some rooms and classes, as `expect` does, but faster.
+    def expect_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
+        """Return the hidden counts of some rooms, as `expect` does, but faster.
 
         Args:
             seen: what was seen.
             rows: `[M]` nodes that are rooms.
-            columns: `[M, A]` classes, the same in all rooms of a building; None for all.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
-        if self.untaught is None:
-            return found
-        return found.without(self.untaught if columns is None else self.untaught[columns])
+        found = self._ask(self.predict_rooms, seen, rows)
+        return found if self.untaught is None else found.without(self.untaught)
 
-    def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
-    ) -> CountDistribution:
+    def predict_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
-        return self.predict(seen).hidden_counts.take(rows, columns)
+        return self.predict(seen).hidden_counts.take(rows)
 
     def with_independent_rooms(self) -> BeliefModel:
         """Return it without what makes rooms depend on each other: some are asked faster."""
         return self
 
-    def require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
+    def _ask(self, predict: Callable[..., _Belief], *asked: Any) -> _Belief:
         """Return an answer, computed on one thread, if it is finite.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
         with one_thread():
-            belief = ask()
+            belief = predict(*asked)
         if not belief.is_finite:
             raise PredictionError(
                 f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
@@ -225,12 +217,13 @@ class _OneOfBLAS:
 
     def __init__(self) -> None:
         self._door, self._inside, self._limits = Lock(), 0, ExitStack()
+        self._libraries: ThreadpoolController | None = None  # it takes long to find them
 
     def __enter__(self) -> None:
         with self._door:
             if not self._inside:
-                limits = _find_libraries().limit(limits=1, user_api="blas")
-                self._limits.enter_context(limits)
+                self._libraries = self._libraries or ThreadpoolController()
+                self._limits.enter_context(self._libraries.limit(limits=1, user_api="blas"))
             self._inside += 1
 
     def __exit__(self, *_: object) -> None:
@@ -241,8 +234,3 @@ class _OneOfBLAS:
 
 
 _ONE_OF_BLAS = _OneOfBLAS()
-
-
-@cache
-def _find_libraries() -> ThreadpoolController:
-    return ThreadpoolController()

@@ -31,7 +31,7 @@ from bsg_data.arrays import Counts, Ints
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
-from bsg_models.arrays import Array, doubles, library_of, take_columns
+from bsg_models.arrays import Array, doubles, library_of
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
 from bsg_models.belief.negative_binomial import hidden_posterior, hidden_tilts
 from bsg_models.inputs.folds import scenes_of
@@ -45,7 +45,6 @@ from bsg_models.zoo.features import (
     NodeFeatures,
     tabulate_labels,
 )
-from bsg_models.zoo.gamma_poisson import tally_rooms
 from bsg_models.zoo.layers import (
     NO_DROPOUT,
     NoDropout,
@@ -128,6 +127,8 @@ class CountNetwork(CalibratedModel):
         if self.labels is not None:
             table = tabulate_labels(data.manifest.class_space.classes)
             self.weights["labels.log_odds"] = table.astype(np.float32)
+        from bsg_models.zoo.gamma_poisson import tally_rooms  # only trainings come here
+
         tallies = tally_rooms(data, scenes_of(data, "train", fold=choice.fold))
         means = np.array([values @ times / times.sum() for values, times in tallies])
         apart = np.linspace(-1, 1, self.config.components + 2)[1:-1, None]  # none alike
@@ -159,21 +160,15 @@ class CountNetwork(CalibratedModel):
         drop: NoDropout = NO_DROPOUT,
         *,
         rows: Any = slice(None),
-        columns: Ints | None = None,
     ) -> Posterior:
-        """Return the posterior of the hidden counts of N nodes and C classes.
-
-        Answers may ask for some rows `[M]` alone, and for some classes of each, `[M, A]`.
-        """
+        """Return the posterior of the hidden counts of N nodes, or some rows, and C classes."""
         nodes = self.features.forget(nodes, drop)
         encoded = self._encode(weights, nodes, drop, rows)
         cells = [nodes.x[rows], nodes.share[rows]]
         if self.labels is not None:  # a room that was seen says more than its label
             label_log_odds = self.labels(weights, nodes.evidence["labels"][rows])
             cells.append(label_log_odds * nodes.hidden_share[rows][:, None])
-        if columns is not None:
-            cells = [take_columns(cell, columns) for cell in cells]
-        return self.head(weights, encoded, *cells, drop=drop, columns=columns)
+        return self.head(weights, encoded, *cells, drop=drop)
 
     def _encode(self, weights: Weights, nodes: Nodes, drop: NoDropout, rows: Any) -> Array:
         """Return some nodes after all rounds, `[M, width]`."""
@@ -191,12 +186,9 @@ class CountNetwork(CalibratedModel):
         """Return the distribution that the network gives."""
         return to_distribution(self.forward(self.weights, self.nodes_of(seen)))
 
-    def learned_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
-    ) -> CountDistribution:
+    def learned_rooms(self, seen: Observation, rows: Ints) -> CountDistribution:
         """Return the uncalibrated hidden counts of some rooms."""
-        nodes = self.nodes_of(seen)
-        return to_distribution(self.forward(self.weights, nodes, rows=rows, columns=columns))
+        return to_distribution(self.forward(self.weights, self.nodes_of(seen), rows=rows))
 
 
 def to_distribution(posterior: Posterior) -> CountDistribution:
@@ -234,19 +226,17 @@ class PriorHead:
         label_log_odds: Array | None = None,
         *,
         drop: NoDropout = NO_DROPOUT,
-        columns: Ints | None = None,
     ) -> Posterior:
         """Return the posterior of the hidden counts, given what was seen and the share hidden.
 
-        `label_log_odds` adds to the log odds of any; all are `[N, C]`, or of some columns `[N, A]`.
+        `label_log_odds` adds to the log odds of any; all are `[N, C]`.
         """
         xp = library_of(encoded)
 
         def read(name: str) -> Array:
             """Return what a layer says of each component, `[K, N, C]`, or `[J · K, N, C]`."""
             outputs = linear(weights, f"head.{name}", drop.channels(encoded, self.dropout))
-            by_component = outputs.reshape(outputs.shape[0], -1, self.classes).swapaxes(0, 1)
-            return by_component if columns is None else take_columns(by_component, columns)
+            return outputs.reshape(outputs.shape[0], -1, self.classes).swapaxes(0, 1)
 
         mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
         shape = xp.exp(read("shape").clip(-_MOST, _MOST))

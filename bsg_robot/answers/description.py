@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
-from bsg_robot.answers.place import Place, Step
+from bsg_robot.answers.place import Step
 from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.ways import Costs, check_costs
 from bsg_robot.answers.words import Meaning, find_room
@@ -81,13 +81,11 @@ def _describe(
         "model": seen.asked(meaning.word),
         "anywhere": seen.anywhere(meaning.word),
         "habits": list(map(asdict, seen.habits(meaning.word))),
-        "places": list(map(_encode, seen.where(meaning.word, here=here, costs=costs))),
+        "places": [
+            asdict(replace(place, cost=None) if place.cost == math.inf else place)  # no JSON has ∞
+            for place in seen.where(meaning.word, here=here, costs=costs)
+        ],
     }
-
-
-def _encode(place: Place) -> dict[str, Any]:
-    """Return a place as JSON can have it: it has no ∞."""
-    return asdict(place) | ({"cost": None} if place.cost == math.inf else {})
 
 
 def name_answerer(meaning: Meaning) -> str:

@@ -10,7 +10,7 @@ knows what, they miss the other pieces (`bsg_robot.things.pieces`).
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -21,7 +21,6 @@ from bsg_models.belief.clock import HOUR, has_stayed
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
 from bsg_models.search.looks import doubt, miss_all, overlooked_at
 from bsg_robot.answers.dictionary import Dictionary
-from bsg_robot.answers.habits import has_rested
 from bsg_robot.answers.words import Meaning
 from bsg_robot.things.pieces import find_pieces, furnish
 from bsg_robot.things.things import find_thing
@@ -89,15 +88,22 @@ def weigh_evidence(graph: PartialGraph, words: Dictionary) -> tuple[tuple[Miss, 
 
     Of objects, that is their scores; those that cannot be there are left out.
     """
-    stays, misses = words.staying(graph.stays), list[Miss]()
+    misses = []
     for look in graph.looks:
         if meaning := words.look_up(look.thing):
-            stayed = has_stayed(look.time, graph.now, stays(look.thing))
+            stayed = has_stayed(look.time, graph.now, graph.stays or words.stays(meaning))
             misses.append(Miss(replace(look, chance=look.chance * stayed), meaning))
-    return tuple(misses), _doubt_objects(graph, misses, words)
+    objects: Iterable[SeenObject] = graph.objects
+    if misses or graph.now is not None:
+        objects = _doubt_objects(graph, misses, words)
+    likely = tuple([obj for obj in objects if obj.probability > 0])
+    return tuple(misses), replace(graph, objects=likely)
 
 
-def _doubt_objects(graph: PartialGraph, misses: Sequence[Miss], words: Dictionary) -> PartialGraph:
+def _doubt_objects(
+    graph: PartialGraph, misses: Sequence[Miss], words: Dictionary
+) -> Iterator[SeenObject]:
+    """Yield the objects with the scores that looks and time leave."""
     looked, inside = defaultdict(list), defaultdict(list)
     for miss in misses:
         looked[miss.look.room_index].append(miss)
@@ -107,20 +113,20 @@ def _doubt_objects(graph: PartialGraph, misses: Sequence[Miss], words: Dictionar
         node: _doubt_room(graph.rooms[node - 1], inside[node], some, names=words.names)
         for node, some in looked.items()
     }
-    stayed, objects = remember_stays(graph, words), []
+    stayed = remember_stays(graph, words)
     for obj in graph.objects:
         missed = miss_in[obj.room_index](obj) if obj.room_index in miss_in else 1.0
         still = stayed(obj)
         if missed < 1 or still < 1:
             trust = TRUSTED if missed < 1 and obj.probability == 1 else obj.probability
             obj = replace(obj, score=doubt(still * trust, missed))
-        if obj.probability > 0:
-            objects.append(obj)
-    return replace(graph, objects=tuple(objects))
+        yield obj
 
 
 def remember_stays(graph: PartialGraph, words: Dictionary) -> Callable[[SeenObject], float]:
     """Return object → P(it is where it was seen), by what this home remembers of it."""
+    from bsg_robot.answers.habits import has_rested  # only with a clock
+
     memory = {known.name: known for known in graph.memory}
 
     def stay(obj: SeenObject) -> float:

@@ -95,11 +95,6 @@ class Home:
         self._graph, self._still, self._words, self._pieces = graph, still, words, pieces
         self._nodes = range(1, 1 + len(graph.rooms))
 
-    @property
-    def teaches(self) -> bool:
-        """Whether there is anything to learn from."""
-        return self._graph.now is not None or bool(self._graph.customs)
-
     @cached_property
     def _tracks(self) -> tuple[Track, ...]:
         """The things of which it is known when they were seen."""

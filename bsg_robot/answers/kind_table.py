@@ -18,7 +18,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.scene.room_label import known_label
 from bsg_models.zoo.hand_prior import read_hand_table
 from bsg_robot.tables.table import read_table
-from bsg_robot.things.things import Thing, find_thing, is_narrow, list_things
+from bsg_robot.things.things import Thing, find_thing, list_things, read_narrow
 
 _FACTS = ("kind", "floor_area", "spread", "neighbours", "passage", "furnished_like", "holds")
 _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
@@ -113,7 +113,7 @@ class KindTable:
         length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)
         alike: Floats = self.shares.T @ self.shares / np.outer(length, length)
         np.fill_diagonal(alike, 0.0)
-        alike[:, [is_narrow(kind) for kind in self.kinds]] = 0.0
+        alike[:, [kind in read_narrow() for kind in self.kinds]] = 0.0
         return np.asarray(np.where(alike < _HARDLY, 0.0, alike))
 
 
@@ -201,7 +201,7 @@ def _share(things: Sequence[Thing], kinds: Sequence[str]) -> tuple[Floats, Bools
     shares[rows, columns], named[rows, columns] = weights, True
     near = [known_label(kind) for kind in kinds]
     follows = [
-        kind != known and not is_narrow(kind) for kind, known in zip(kinds, near, strict=True)
+        kind != known and kind not in read_narrow() for kind, known in zip(kinds, near, strict=True)
     ]
     like = _FOREIGN * shares[:, [column[kind] for kind in near]]
     return np.where(follows & ~named, like, shares), named

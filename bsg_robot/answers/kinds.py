@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from operator import attrgetter
 
 import numpy as np
 
@@ -76,13 +77,10 @@ class RoomKinds:
     @cached_property
     def said(self) -> tuple[tuple[tuple[str, float], ...], ...]:
         """The kinds of each room, the likeliest first, in whole percents."""
-        names = self.table.kinds
-        likely = (
-            [kind for kind in enumerate(row) if kind[1] >= _SAID] for row in self.rooms.tolist()
-        )
+        names, order = self.table.kinds, np.argsort(-self.rooms, axis=1, kind="stable")
         return tuple(
-            tuple((names[k], round(p, 2)) for k, p in sorted(row, key=lambda kind: -kind[1]))
-            for row in likely
+            tuple((names[k], round(float(row[k]), 2)) for k in ranked if row[k] >= _SAID)
+            for row, ranked in zip(self.rooms, order, strict=True)
         )
 
     def taken_for(self, number: int) -> str | None:
@@ -167,7 +165,14 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         known=known,
         by_things=~is_told,
         doubted=_doubt_labels(labels, silent, table),
-        named=tuple(map(_name_things, graph.rooms)),
+        named=tuple(
+            frozenset(
+                thing.name
+                for name in (room.name, room.label)
+                if name and (thing := _name_thing(name))
+            )
+            for room in graph.rooms
+        ),
         owners=tuple(owner_of(room.name) or owner_of(room.label or "") for room in graph.rooms),
     )
 
@@ -200,14 +205,9 @@ def _doubt_labels(labels: Floats, silent: Floats, table: KindTable) -> dict[int,
     return doubted
 
 
-def _name_things(room: KnownRoom) -> frozenset[str]:
-    """Return the things that stand before the last word of a room's names."""
-    found = (_name_thing(name) for name in (room.name, room.label) if name)
-    return frozenset(thing.name for thing in found if thing)
-
-
 @lru_cache(maxsize=4096)
 def _name_thing(name: str) -> Thing | None:
+    """Return the thing that stands before the last word of a room's name."""
     return find_everyday(" ".join(normalise_room(name).split()[:-1]))
 
 
@@ -227,9 +227,7 @@ def _list_seen(graph: PartialGraph) -> list[tuple[Thing, ...]]:
         thing = _read_thing(obj.raw_category) or (obj.category and _read_thing(obj.category))
         if thing and obj.is_evidence:
             seen[obj.room_index].add(thing)
-    return [
-        tuple(sorted(things, key=lambda thing: (thing.name, thing.rooms))) for things in seen[1:]
-    ]
+    return [tuple(sorted(things, key=attrgetter("name", "rooms"))) for things in seen[1:]]
 
 
 @lru_cache(maxsize=2**16)  # the objects of a map are asked again and again
@@ -264,7 +262,11 @@ class _Misses:
     """What it tells not to see the things of which a robot takes notice; rooms share it."""
 
     def __init__(self, graph: PartialGraph, table: KindTable) -> None:
-        rows = np.flatnonzero(_list_heard(graph, table))
+        heard = table.is_class  # or those of them that the robot's detector knows
+        if graph.detector is not None:
+            known = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
+            heard = heard & [thing.name in known for thing in table.things]
+        rows = np.flatnonzero(heard)
         self._presence = table.presence[:, rows]
         self._column = {table.things[row].name: column for column, row in enumerate(rows)}
         self._known: dict[float, Floats] = {}
@@ -292,14 +294,6 @@ def _sum_over_notice(unseen: Floats, others: Floats) -> Floats:
     likely = np.log([chance for _, chance in _NOTICE]) + rooms
     likely -= np.logaddexp.reduce(likely)
     return np.asarray(np.logaddexp.reduce(likely[:, None, None] + unseen, axis=0))
-
-
-def _list_heard(graph: PartialGraph, table: KindTable) -> Bools:
-    """Return the classes, or those that the robot's detector knows, `[T]`."""
-    if graph.detector is None:
-        return table.is_class
-    heard = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
-    return np.asarray(table.is_class & [thing.name in heard for thing in table.things])
 
 
 def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:

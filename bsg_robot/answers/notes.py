@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from bsg_data.dataset.manifest import describe_unmapped
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_data.words.shown import SHOWN
@@ -95,16 +94,19 @@ def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
 
 def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     """Yield which names are not in the class map, and which were read by a rule."""
-    unmapped, things, kinds = [], [], []
-    for name in describe_unmapped(list_unmapped(graph), class_map):
-        shown = f"{name.name[:SHOWN]!r}"
-        if thing := find_everyday(name.name):
-            things.append(shown if name.name == thing.name else f"{shown} ({thing.name})")
-        elif kind := find_kind(name.name):
+    unmapped, things, kinds = list[str](), list[str](), list[str]()
+    for name, times in Counter(dict(sorted(list_unmapped(graph).items()))).most_common():
+        if class_map.classify(name).category is not None:
+            continue
+        shown = f"{name[:SHOWN]!r}"
+        if thing := find_everyday(name):
+            things.append(shown if name == thing.name else f"{shown} ({thing.name})")
+        elif kind := find_kind(name):
             kinds.append(f"{shown} ({kind})")
         else:
-            near = f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")"
-            unmapped.append(f"{shown} ({name.instances:,}×{near}")
+            nearest = class_map.nearest(name) if len(unmapped) < _MOST_NAMES else ()
+            near = f"; nearest: {', '.join(nearest)})" if nearest else ")"
+            unmapped.append(f"{shown} ({times:,}×{near}")
     if unmapped:
         yield f"not in the class map, ignored: {_list(unmapped)}"
     if things:

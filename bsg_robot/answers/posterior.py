@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,8 +24,6 @@ from bsg_robot.answers.evidence import (
     sum_looks,
     weigh_evidence,
 )
-from bsg_robot.answers.habits import Usual
-from bsg_robot.answers.home import Home
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import RoomKinds, infer_kinds
 from bsg_robot.answers.nouns import read_nouns
@@ -33,7 +32,6 @@ from bsg_robot.answers.thing_belief import (
     SHARE_OF_KIND,
     ThingBelief,
     after_looks,
-    believe_class,
     believe_kind,
     believe_noun,
     believe_rates,
@@ -55,6 +53,10 @@ from bsg_robot.graph import reports
 from bsg_robot.graph.reports import reclassify
 from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
 from bsg_robot.things.things import Thing, find_thing, list_narrower
+
+if TYPE_CHECKING:
+    from bsg_robot.answers.habits import Usual
+    from bsg_robot.answers.home import Home
 
 _SURELY = 1 - 1e-9
 _SLOW = 43_800.0  # hours after which half of the furniture is elsewhere
@@ -87,6 +89,7 @@ class Posterior:
         graph: the same without what looks exclude, and with the rooms that are not found yet.
         misses: looks that missed, of which the thing is known.
         kinds: those of the rooms of `graph`.
+        nodes: number of the building, its rooms, and those that are not found yet.
     """
 
     def __init__(
@@ -116,17 +119,13 @@ class Posterior:
             self.kinds = found.with_unknown(_count_undiscovered(left, found))
         more = len(self.kinds.rooms) - len(left.rooms)
         self.graph = _add_undiscovered(left, more)
+        self.nodes = 1 + len(self.graph.rooms)
         self._aged = self.graph if aged is left else _add_undiscovered(aged, more)
-        self._objects: dict[int, list[SeenObject]] = defaultdict(list)
+        self._objects: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
         for obj in self.graph.objects:
             self._objects[obj.room_index].append(obj)
         self._sought: dict[str, Sought] = {}
         self._usual: dict[str, Usual | None] = {}
-
-    @property
-    def nodes(self) -> int:
-        """Number of nodes: the building, its rooms, and those that are not found yet."""
-        return 1 + len(self.graph.rooms)
 
     def _ask(self, asked: Asked) -> Apart:
         """Return what a model believes, of known rooms and of the others."""
@@ -230,8 +229,13 @@ class Posterior:
         Of those that may have `moved`, it is one of their places, and counted there.
         """
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
-        for obj in self._list_found(meaning):
-            seen[obj.room_index].append(replace(obj, score=0.0) if obj.name in moved else obj)
+        is_sought = self._words.names(meaning)
+        overlaps = self._words.judge != Asked.OWN  # mugs have a class, and are tableware, too
+        for obj in self.graph.objects:
+            is_own = meaning.is_class and obj.class_index == meaning.class_index
+            may_be = not meaning.is_class or overlaps or obj.class_index is None
+            if is_own or (may_be and is_sought(obj.raw_category)):
+                seen[obj.room_index].append(replace(obj, score=0.0) if obj.name in moved else obj)
         return tuple(map(tuple, seen))
 
     def _hidden_now(self, meaning: Meaning) -> Floats:
@@ -239,9 +243,16 @@ class Posterior:
         then = np.array([room.hidden_share for room in self.graph.rooms])
         return 1 - (1 - then) * self.graph.still_so(np.array(self._words.stays(meaning)))
 
+    @property
+    def is_taught(self) -> bool:
+        """Whether there is anything that this home has taught."""
+        return self.reported.now is not None or bool(self.reported.customs)
+
     @cached_property
     def home(self) -> Home:
         """What this home has taught."""
+        from bsg_robot.answers.home import Home  # most homes have taught nothing
+
         after = {obj.name: obj.probability for obj in self.graph.objects}
         still = {}
         for obj in self.reported.objects:
@@ -258,7 +269,7 @@ class Posterior:
 
         Their hidden counts without it may be given.
         """
-        if not self.home.teaches:
+        if not self.is_taught:
             return None
         if meaning.word not in self._usual:
             if len(self._usual) >= _MOST_SOUGHT:
@@ -283,19 +294,6 @@ class Posterior:
             hidden = np.where(is_dated, hidden, 1.0)
         return np.array([1.0, *hidden])
 
-    def _list_found(self, meaning: Meaning) -> list[SeenObject]:
-        """Return the objects that are such things."""
-        objects, is_sought = self.graph.objects, self._words.names(meaning)
-        if not meaning.is_class:
-            return [obj for obj in objects if is_sought(obj.raw_category)]
-        overlaps = self._words.judge != Asked.OWN  # mugs have a class, and are tableware, too
-        return [
-            obj
-            for obj in objects
-            if obj.class_index == meaning.class_index
-            or ((overlaps or obj.class_index is None) and is_sought(obj.raw_category))
-        ]
-
     def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:
         """Return the hidden counts of a thing, and P(the building hides none)."""
         if meaning.thing is not None:
@@ -305,7 +303,9 @@ class Posterior:
         if meaning.noun is not None:
             judged = believe_noun(meaning.noun, self._ask(self._words.judge).every, read_nouns())
         if meaning.class_index is not None:
-            counted = believe_class(self._find(meaning.class_index))
+            found = self._find(meaning.class_index)
+            # The building is never less likely to hide one than its likeliest room.
+            counted = found, float(1 - found.presence.max())
             if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
                 theirs = find_thing(str(meaning.class_name))
                 if theirs is not None:
@@ -335,14 +335,10 @@ class Posterior:
                 missed[node] *= furniture.overlooked(some)
         return missed
 
-    def _objects_of(self, node: int) -> Sequence[SeenObject]:
-        """Return the objects of a room."""
-        return self._objects.get(node, ())
-
     def pieces_of(self, node: int) -> SeenPieces:
         """Return the furniture of a room."""
         if node not in self._pieces:
-            self._pieces[node] = find_pieces(self._objects_of(node))
+            self._pieces[node] = find_pieces(self._objects[node])
         return self._pieces[node]
 
     def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
@@ -361,7 +357,7 @@ class Posterior:
             kinds=self.kinds.said[node - 1],
         )
         usual = self._find_usual(meaning)
-        return found if usual is None else usual.furnish(found, node, self._objects_of(node))
+        return found if usual is None else usual.furnish(found, node, self._objects[node])
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
@@ -421,8 +417,8 @@ class Posterior:
                 stays = self._words.staying(graph.stays)
                 moved = replace(look, at=None, chance=missed)
                 graph = reports.look(graph, moved, stays=stays)
-                objects = self._objects_of(look.room_index)
-                left.setdefault(look.at, {obj.name: self._score(obj) for obj in objects})
+                scores = {obj.name: self._score(obj) for obj in self._objects[look.room_index]}
+                left.setdefault(look.at, scores)
         if not left:
             return graph
         objects = tuple(

@@ -115,9 +115,9 @@ class RobotMap:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about how the graph is read, a sentence each."""
-        look_up, home, customs = self._words.look_up, self._now.home, self.graph.customs
+        look_up, customs = self._words.look_up, self.graph.customs
         dark = (c.thing for c in customs if not find_group(c.thing) and look_up(c.thing) is None)
-        nowhere = (c.at for c in customs if c.at and not home.find_pieces(c, c.at))
+        nowhere = (c.at for c in customs if c.at and not self._now.home.find_pieces(c, c.at))
         vain = (look.thing for look in self.graph.looks if look_up(look.thing) is None)
         ignored = {
             f"looks for what {self.model} has no word for are ignored": vain,

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
@@ -20,10 +20,9 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.records import read_number
-from bsg_data.sources.room_words import RoomWords
+from bsg_data.sources.label_table import RoomWords
 from bsg_data.words.shown import show_value
-from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
-from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.expectation import LEAST_PRESENCE, Expectation
 from bsg_models.belief.partial_graph import LOOK_CHANCE
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
@@ -50,7 +49,6 @@ from bsg_robot.answers.place import (
     RoomKind,
     Step,
 )
-from bsg_robot.answers.posterior import Sought
 from bsg_robot.answers.robot_map import RobotMap, alone
 from bsg_robot.answers.thing_belief import ThingBelief
 from bsg_robot.answers.ways import (
@@ -67,6 +65,9 @@ from bsg_robot.answers.words import Meaning, find_room
 from bsg_robot.graph.graph_file import open_graph_file, parse_graph
 from bsg_robot.graph.reports import reclassify
 from bsg_robot.things.pieces import TIDY, find_pieces_of
+
+if TYPE_CHECKING:
+    from bsg_models.belief.belief_graph import BeliefGraph, Mode
 
 _SHOWN_PIECES = 3  # of each room
 _MOST, _SLOWEST = 1e9, 1e-6  # of a cost, a budget, a speed; and of a speed
@@ -204,7 +205,9 @@ class SeenBuilding(RobotMap):
                 seen=tuple([obj.name for obj in belief.seen[node]]),
                 cost=known_costs.get(node),
                 kind=self._now.kinds.taken_for(node - 1),
-                pieces=self._best_pieces(sought, node, tidy),
+                pieces=self._now.list_pieces(sought, node, tidy)[:_SHOWN_PIECES]
+                if self._now.pieces_of(node).is_furnished
+                else (),
             )
             for node, room in enumerate(rooms, 1)
         ]
@@ -223,12 +226,6 @@ class SeenBuilding(RobotMap):
             sorted(places, key=lambda p: (-p.probability, math.inf if p.cost is None else p.cost))
         )
 
-    def _best_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
-        """Return the likeliest pieces of a room; none if no furniture was seen there."""
-        if not self._now.pieces_of(node).is_furnished:
-            return ()
-        return self._now.list_pieces(sought, node, tidy)[:_SHOWN_PIECES]
-
     @alone
     def anywhere(self, thing: str) -> float:
         """Return P(at least one is in the building, seen or not).
@@ -245,7 +242,8 @@ class SeenBuilding(RobotMap):
         all homes. There is none if this home has taught nothing of it. A place without sightings
         that nobody told is one of other things of its group, such as drinks.
         """
-        return self._now.home.list_habits(self._now.seek(thing).meaning)
+        meaning = self._now.seek(thing).meaning
+        return self._now.home.list_habits(meaning) if self._now.is_taught else ()
 
     @alone
     def kinds(self, room: str) -> tuple[RoomKind, ...]:
@@ -436,8 +434,8 @@ class SeenBuilding(RobotMap):
         Several rooms in a row that are not found yet are one step.
         """
         search = _Search(costs, look, chance, task, budget, speed)
-        plan, decision, beliefs = self._plan(things, [here], search)
-        (ways, costs_of_looks), (nodes,) = self._cost(costs, look), plan.places
+        plan, decision, beliefs, ways, looks = self._plan(things, [here], search)
+        (nodes,) = plan.places
         found = plan.problem.found(plan.looks[0])
         sought = [beliefs[number].probability for number in decision.things]
         likely = 1 - np.prod([1 - probability for probability in sought], axis=0)
@@ -445,7 +443,7 @@ class SeenBuilding(RobotMap):
         spent, at = 0.0, find_room(self.graph, here)
         for number, node in enumerate(nodes):
             way = float(ways.costs[at, node])
-            cost = 0.0 if decision.is_known else float(costs_of_looks[node])
+            cost = 0.0 if decision.is_known else float(looks[node])
             spent, at = spent + way + cost, node
             step = Step(
                 room=self._name(node),
@@ -471,6 +469,8 @@ class SeenBuilding(RobotMap):
                 Table II, one for each of the top unseen classes (`unseen`).
             top: number of unseen classes per room.
         """
+        from bsg_models.belief.belief_graph import believe  # an answer needs no graph
+
         kinds = [self._now.kinds.said[number] for number in range(len(self.graph.rooms))]
         expectation = self._now.expectation()
         pieces = find_pieces_of(self.graph, expectation.presence, kinds)
@@ -539,14 +539,14 @@ class SeenBuilding(RobotMap):
 
     def _plan(
         self, things: str | Sequence[str], robots: Sequence[str], search: _Search
-    ) -> tuple[Plan, Decision, list[ThingBelief]]:
+    ) -> tuple[Plan, Decision, list[ThingBelief], Ways, Floats]:
         """Return the plan of some robots, by their rooms, and what it was made of."""
         search.check()
         here = [find_room(self.graph, room) for room in robots]
         ways, looks = self._cost(search.costs, search.look)
         decision, beliefs = self._weigh(things, here, ways, search)
         plan = decision.plan(ways.costs, looks, here=here, budget=search.spend(ways))
-        return plan, decision, beliefs
+        return plan, decision, beliefs, ways, looks
 
     def _weigh(
         self,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,11 @@ from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import SeenObject
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
-from bsg_robot.answers.habits import Usual
 from bsg_robot.answers.nouns import Noun, NounTable
 from bsg_robot.answers.unknown_rooms import Apart, log_odds
+
+if TYPE_CHECKING:
+    from bsg_robot.answers.habits import Usual
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
 _ONE = 0.05  # mean of a Poisson of which hardly any count is above 1
@@ -218,14 +221,6 @@ def _look(
 def _miss(objects: Sequence[SeenObject], chance: float) -> float:
     """Return P(a look finds none of the objects)."""
     return math.prod([1 - chance * obj.probability for obj in objects])
-
-
-def believe_class(counts: CountDistribution) -> tuple[CountDistribution, float]:
-    """Return the hidden counts of a class `[N, 1]`, and P(the building hides none).
-
-    The building is never less likely to hide one than its likeliest room.
-    """
-    return counts, float(1 - counts.presence.max())
 
 
 def believe_noun(

@@ -12,7 +12,7 @@ from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
 from bsg_data.inputs.documents import require_json
-from bsg_data.sources.room_words import RoomWords, read_room_words
+from bsg_data.sources.label_table import RoomWords, read_room_words
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_robot.graph.map_forms import FORM
 from bsg_robot.graph.robot_json import OwnLabels, RobotGraphError, parse_robot_graph

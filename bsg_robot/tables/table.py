@@ -29,5 +29,5 @@ def split_cell(cell: str) -> tuple[str, ...]:
 
 def split_weights(cell: str, *, of: float = 1.0) -> tuple[tuple[str, float], ...]:
     """Return the names of a cell `name:weight|name:weight`, each with its part of a whole."""
-    parts = [part.partition(":") for part in split_cell(cell)]
+    parts = [part.partition(":") for part in cell.split(_SEPARATOR)] if cell else []
     return tuple([(name, float(weight) / of) for name, _, weight in parts])

@@ -52,7 +52,7 @@ class Thing:
     """A thing that people look for."""
 
     name: str
-    spellings: tuple[str, ...]  # its other names
+    names: tuple[str, ...]  # all its names, this one first
     wider: str | None  # the class that every such thing is of
     # (common label of a room, weight), those of homes first, and of each the likeliest. The weights
     # of homes' rooms add up to 1; those of other rooms come on top, on the same scale.
@@ -62,11 +62,6 @@ class Thing:
     stays: float  # hours after which half of them are elsewhere
     groups: tuple[str, ...]  # of things that people keep together, rows of groups-v1
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All its names."""
-        return self.name, *self.spellings
-
     def probability_in(self, label: str) -> float:
         """Return the weight of rooms with a label, or with the label by which models read it.
 
@@ -75,7 +70,7 @@ class Thing:
         storage room, but in no storage room of a home. A narrow room has what is named there alone.
         """
         rooms = dict(self.rooms)
-        if label in rooms or is_narrow(label):
+        if label in rooms or label in read_narrow():
             return rooms.get(label, 0.0)
         return rooms.get(known_label(label), 0.0)
 
@@ -147,7 +142,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     things = tuple(
         Thing(
             name=name,
-            spellings=split_cell(spellings),
+            names=(name, *split_cell(spellings)),
             wider=wider or None,
             rooms=split_weights(rooms, of=100.0),
             home=float(home) / 100,
@@ -157,9 +152,9 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         )
         for name, spellings, wider, rooms, home, sight, stays, groups in rows
     )
-    named = [(name, thing) for thing in things for name in (thing.name, *thing.spellings)]
-    names = separate_names([name for name, _ in named])
-    listed = {name: thing for name, (_, thing) in zip(names, named, strict=True)}
+    names = separate_names([name for thing in things for name in thing.names])
+    named = [thing for thing in things for _ in thing.names]
+    listed = dict(zip(names, named, strict=True))
     return things, {name.replace(" ", ""): thing for name, thing in listed.items()} | listed
 
 
@@ -195,13 +190,9 @@ def _read_groups() -> tuple[Mapping[str, str], frozenset[str], frozenset[str]]:
     return names, together, used_up
 
 
-def is_narrow(label: str) -> bool:
-    """Say whether rooms with a label hold only what the table of things names there: a lift."""
-    return label in _read_narrow()
-
-
 @cache
-def _read_narrow() -> frozenset[str]:
+def read_narrow() -> frozenset[str]:
+    """Return the labels of rooms that hold only what the table of things names there: a lift."""
     table = read_table("kinds-v1.csv")
     return frozenset(
         kind for kind, holds in zip(table["kind"], table["holds"], strict=True) if holds

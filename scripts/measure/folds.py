@@ -27,7 +27,7 @@ from bsg_models.evaluation.metric_rows import hidden_nll
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.studies.leaderboard import DATASET, run_of
 from bsg_models.zoo.model import BeliefModel, one_thread
 

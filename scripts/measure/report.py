@@ -47,7 +47,7 @@ from bsg_models.evaluation.truth import Prediction
 from bsg_models.inputs.folds import Split
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search

@@ -46,9 +46,10 @@ from bsg_models.runs.checkpoint import (
     restore_model,
     save_checkpoint,
 )
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.runs.found_model import SUFFIX
 from bsg_models.runs.model_card import ModelCard, write_card
-from bsg_models.runs.run_folder import BEST, list_trained_on
+from bsg_models.runs.run_folder import list_trained_on
 from bsg_models.training.buildings import mask_as_trained
 from bsg_models.training.training import calibrate, train_run
 from bsg_models.zoo.calibration import CalibratedModel

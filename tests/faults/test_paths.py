@@ -21,7 +21,7 @@ from killed_process import snapshot
 from bsg_cli.registry import COMMANDS
 from bsg_data.seal import write_seal
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 
 Put = Callable[[Path, str], list[str]]  # puts a name into a folder; returns the commands to try
 SECRET = "secret word"

@@ -26,7 +26,7 @@ from bsg_models.runs.checkpoint import (
     restore_model,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.training.training import new_model
 from bsg_models.zoo.catalogue import ZOO
 

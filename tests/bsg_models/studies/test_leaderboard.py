@@ -15,7 +15,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.runs.checkpoint import load_checkpoint
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.studies.leaderboard import (
     LeaderboardRecipe,
     make_leaderboard,

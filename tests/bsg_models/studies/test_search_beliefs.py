@@ -17,8 +17,8 @@ from bsg_models.belief.hidden_share import ShareBelief
 from bsg_models.belief.masked_graph import list_withheld, mask_scene
 from bsg_models.belief.partial_graph import PartialGraph, SeenObject
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.search_beliefs import ModelBeliefs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config

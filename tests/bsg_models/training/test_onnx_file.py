@@ -21,8 +21,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.observation import Observation
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.features import NetworkConfig

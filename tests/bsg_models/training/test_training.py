@@ -17,16 +17,9 @@ from bsg_data.seal import SEAL
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import (
-    BEST,
-    CONFIG,
-    CURVE,
-    METRICS,
-    RECORD,
-    EpochReport,
-    read_record,
-)
+from bsg_models.runs.run_folder import CONFIG, CURVE, METRICS, RECORD, EpochReport, read_record
 from bsg_models.training import epochs, training
 from bsg_models.training.buildings import TrainingBatches, validation_buildings
 from bsg_models.training.count_gradients import as_network

@@ -105,7 +105,7 @@ def test_after_looks_that_missed_it_is_still_that_joint(missed: tuple[float, ...
         assert (after.presence[2:, 0] > found.presence[2:, 0]).all()
 
 
-def test_some_rooms_and_classes_are_answered_as_all_are() -> None:
+def test_some_rooms_are_answered_as_all_are() -> None:
     model = tilted_model()
     several = [
         observe_rooms([[0, 1], [0, 0], [2, 0]], [0.5, 1.0, 0.0]),
@@ -117,10 +117,6 @@ def test_some_rooms_and_classes_are_answered_as_all_are() -> None:
         some = model.predict_rooms(seen, np.array(rows))
         np.testing.assert_allclose(some.presence, every.presence[rows], rtol=1e-9)
         np.testing.assert_allclose(some.mean, every.mean[rows], rtol=1e-9)
-        columns = (np.array(rows)[:, None] > 3).astype(np.int64)  # other ones of each building
-        some = model.predict_rooms(seen, np.array(rows), columns)
-        expected = every.take(np.array(rows)).take_classes(columns)
-        np.testing.assert_allclose(some.presence, expected.presence, rtol=1e-9)
 
 
 def test_a_building_without_rooms_is_not_tilted() -> None:

@@ -12,7 +12,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_models.errors import ConfigError
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.checkpoint_file import BEST
 from bsg_models.training.training import member_config, train_run
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import make_model

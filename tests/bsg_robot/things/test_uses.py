@@ -14,7 +14,7 @@ TABLE = (REPOSITORY / "bsg_robot/tables/uses-v1.csv").read_text("utf-8")
 ROWS = [*csv.DictReader(TABLE.splitlines())]
 WORDS = [word for row in ROWS for word in row["words"].split("|")]
 ROOMS = (("dining room", 0.4), ("kitchen", 0.3), ("living room", 0.2), ("office", 0.1))
-CHAIR = Thing("chair", (), "chair", ROOMS, 0.99, 1.0, 2160.0, ("furniture",))
+CHAIR = Thing("chair", ("chair",), "chair", ROOMS, 0.99, 1.0, 2160.0, ("furniture",))
 
 
 def test_the_table_has_each_word_once_with_rooms_of_homes_that_have_weights() -> None:
@@ -41,7 +41,9 @@ def test_a_thing_is_mostly_where_the_word_before_it_says(word: str) -> None:
 
 def test_what_both_say_by_hand() -> None:
     """Of the use's four fifths, rooms of the thing have more than others; a fifth stays."""
-    thing = Thing("seat", (), None, (("kitchen", 0.9), ("garden", 0.1)), 0.5, 0.5, 24.0, ("tool",))
+    thing = Thing(
+        "seat", ("seat",), None, (("kitchen", 0.9), ("garden", 0.1)), 0.5, 0.5, 24.0, ("tool",)
+    )
     rooms = dict(move_thing(thing, ["garden"]).rooms)
     by_use = {"garden": 45 * 0.2, "shed": 20 * 0.1, "garage": 20 * 0.1, "terrace": 15 * 0.1}
     total = sum(by_use.values())
