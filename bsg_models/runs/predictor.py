@@ -42,6 +42,7 @@ class Predictor:
         vocabulary: categories outside the classes that the model reads as evidence.
         untaught: classes of which no train building had an object: none is expected anywhere.
         reads_labels: whether the model reads the kinds of rooms.
+        fold: of its dataset that it was trained without; None without folds.
 
     Examples:
         >>> predictor = Predictor()  # doctest: +SKIP
