@@ -1,4 +1,4 @@
-"""Refusals: a test asserts the code and the place of an error; what its sentence says is one law."""
+"""Refusals: a test asserts code and place of an error; what its sentence says is one law."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from bsg_cli import choices
-from bsg_cli.options import split_names, workers_option
+from bsg_cli.options import split_names
 from bsg_cli.registry import COMMANDS
 from bsg_data.errors import RecipeError
 from bsg_models.zoo.config import find_config
@@ -33,13 +33,6 @@ def test_a_list_has_each_name_once() -> None:
     assert split_names(None, option="--worlds") is None
     with pytest.raises(click.UsageError):
         split_names(" ,", option="--worlds")
-
-
-def test_no_machine_is_asked_for_processes_without_end() -> None:
-    command = click.command()(workers_option(lambda workers: click.echo(workers)))
-    assert CliRunner().invoke(command, ["--workers", "3"]).output == "3\n"
-    for number in ("0", "1025", "9" * 30):
-        assert CliRunner().invoke(command, ["--workers", number]).exit_code == 2
 
 
 @pytest.mark.parametrize("line", ["bsg-data pairs none", "bsg-search none --planners no"])

@@ -5,28 +5,22 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import pytest
-from asked_service import ask_service
-from click.testing import CliRunner
 from conftest import REPOSITORY
 from dsg_files import robot_graph
 
-from bsg_cli.belief import main as belief
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.sources.catalogue import open_source
 from bsg_robot import open_graph
-from bsg_robot.answers.description import describe_things
 from bsg_robot.answers.words import find_everyday
 from bsg_robot.graph.graph_file import parse_graph
 from bsg_robot.graph.robot_json import parse_robot_graph
-from bsg_robot.ros.requests import Robot
 
 MAP = load_class_map()
 NAMES = ["ade20k", "ai2thor", "coco", "darknet", "lvis", "mpcat40", "nyu40", "objectnav", "voc"]
@@ -171,34 +165,6 @@ def test_every_word_has_its_class_by_every_door(door: Any, tmp_path: Path) -> No
     found = door(tmp_path)
     rows = zip(WORDS, found, EXPECTED, strict=True)
     assert [row for row in rows if row[1] != row[2]] == []
-
-
-FEW = {"tv_monitor": "tv", "diningtable": "dining table", "CoffeeTable": "coffee table"}
-FEW |= {"lighting": "lamp", "pottedplant": "plant", "toilett": "toilet", "micorwave": "microwave"}
-FEW |= {"lamp on table": "lamp", "chair(0.87)": "chair", "Cabinet/shelf": "cabinet"}
-HOME = {"kitchen": ["stove", "sink"], "living room": ["couch"], "hall": []}
-
-
-def ask_everywhere(words: list[str]) -> Iterator[tuple[str, Any]]:
-    """Yield the answers of all doors that take a question about a map."""
-    pytest.importorskip("mcp", reason="needs the extra serve")
-    from bsg_robot.service.questions import Service
-
-    for door, told in ask_service(Service(), {"map": HOME, "things": words}).items():
-        yield door, told["things"]
-    finds = [part for word in words for part in ("--find", word)]
-    done = CliRunner().invoke(belief, ["-", "--json", *finds], input=json.dumps(HOME))
-    yield "command", json.loads(done.stdout)["things"]
-    yield "ROS", Robot(open_graph(HOME)).answer("where", {"thing": words})["things"]
-
-
-def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
-    def tell(things: Any) -> dict[str, tuple[str | None, float]]:
-        return {one["thing"]: (one["class"], one["anywhere"]) for one in things}
-
-    plain = tell(describe_things(open_graph(HOME), [*FEW.values()], here=None)["things"])
-    for door, things in ask_everywhere([*FEW]):
-        assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
 
 
 CASES = REPOSITORY.parent / "shared" / "cases"

@@ -197,14 +197,6 @@ def test_a_table_that_cannot_be_is_refused(tmp_path: Path, entries: dict[str, An
         make_prior(tmp_path, **entries)
 
 
-def test_the_hand_table_names_every_class() -> None:
-    from bsg_rivals.prior_table import read_prior_table
-
-    table = read_prior_table("", classes := load_class_space().classes)
-    named = {name for room in table.room_types.values() for name in room.presence}
-    assert named == set(classes)
-
-
 @pytest.mark.parametrize("document", ["docs/models.md", "docs/prior-table-prompt.md"])
 def test_the_tables_in_the_documents_are_tables(tmp_path: Path, document: str) -> None:
     from bsg_rivals.prior_table import read_prior_table
