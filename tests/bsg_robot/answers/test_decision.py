@@ -158,11 +158,13 @@ def cost_policies(case: Case, laws: Sequence[Law], most: int) -> dict[Room, floa
     rooms, full = len(case.rates) - 1, (most,) * (len(case.rates) - 1)
     last = [law.miss(full) for law in laws]
 
+    @cache
     def left(thing: int, looks: tuple[int, ...]) -> float:
         """Return P(it is not found by then), given that looks everywhere find it."""
         some = 1 - last[thing]
         return (laws[thing].miss(looks) - last[thing]) / some if some > 1e-15 else 0.0
 
+    @cache
     def something_left(looks: tuple[int, ...]) -> float:
         """Return P(the looks that are left find something): each finds what others left."""
         nothing = 1.0

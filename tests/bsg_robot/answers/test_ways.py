@@ -12,7 +12,7 @@ import networkx as nx
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refuses
 
@@ -80,6 +80,7 @@ def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
         measure_ways(graph, {("a", "cellar"): 1})
 
 
+@settings(max_examples=40)
 @given(st.lists(st.tuples(*[st.integers(-5, 5)] * 3), min_size=2, max_size=12), st.data())
 def test_parts_are_joined_by_the_shortest_edges(places: list[Any], data: st.DataObject) -> None:
     """networkx's minimum spanning tree, where edges that are there cost nothing, is as long."""
@@ -110,6 +111,7 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
     assert ways.costs[rooms, 1] == rooms - 2
 
 
+@settings(max_examples=40)
 @given(st.data(), st.floats(0.01, 100))
 def test_nothing_guessed_makes_a_way_shorter_than_it_was_said(data: Any, unit: float) -> None:
     """And all ways are in the unit of those that are said."""
