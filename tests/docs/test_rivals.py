@@ -20,7 +20,6 @@ from scipy.special import expit, logit
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.class_space import load_class_space
-from bsg_models.errors import ConfigError
 from bsg_models.testing import ModelContract
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
@@ -180,21 +179,6 @@ def test_objects_speak_in_the_mean_over_what_is_seen(tmp_path: Path) -> None:
     assert found[1, 2] == pytest.approx((logit(0.8) + logit(0.4)) / 2 - usual)
     assert found[2, 2] == pytest.approx(logit(0.4) - usual)
     assert np.isnan(found[3]).all()  # the table has no row of what is seen
-
-
-@pytest.mark.parametrize(
-    "entries",
-    [
-        {},
-        {"room_types": {"kitchen": {"presence": {"stov": 0.5}}}},
-        {"objects": {"bed": {"lamp": 1.5}}},
-        {"room_types": {"kitchen": {"weight": 0, "presence": {}}}},
-        {"version": 2, "objects": OBJECTS},
-    ],
-)
-def test_a_table_that_cannot_be_is_refused(tmp_path: Path, entries: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError):
-        make_prior(tmp_path, **entries)
 
 
 @pytest.mark.parametrize("document", ["docs/models.md", "docs/prior-table-prompt.md"])

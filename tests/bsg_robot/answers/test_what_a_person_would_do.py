@@ -36,15 +36,21 @@ def home(name: str, *rooms: dict[str, Any], things: str, doors: str, **facts: An
     return {
         "scene_id": name,
         "rooms": rooms,
-        "objects": [{"id": one, "category": one, "room": where} for one, where in seen],
+        "objects": [{"id": thing, "category": thing, "room": where} for thing, where in seen],
         "adjacency": [door.split(" - ") for door in doors.split(", ")],
         **facts,
     }
 
 
-def building(*rooms: str, kind: str) -> dict[str, Any]:
+def simple(rooms: str) -> dict[str, list[str]]:
+    """Return the simplest map, of `kitchen: sink, stove; hall`."""
+    parts = (part.partition(": ") for part in rooms.split("; "))
+    return {room: [*filter(None, things.split(", "))] for room, _, things in parts}
+
+
+def building(rooms: str, *, kind: str) -> dict[str, Any]:
     """Return a building of which only the names of the rooms are known."""
-    named = [{"id": one, "visited": False} for one in rooms]
+    named = [{"id": name, "visited": False} for name in rooms.split(", ")]
     return {"scene_id": kind, "building_kind": kind, "rooms": named}
 
 
@@ -92,53 +98,36 @@ HOMES: dict[str, dict[str, Any]] = {
     "flat": FLAT,
     "two storeys": TWO_STOREYS,
     "no positions": NO_POSITIONS,
-    "simple": {"kitchen": ["sink", "stove"], "hall": [], "bedroom": ["bed"], "bathroom": []},
-    "words": {
-        "toilets": [],
-        "kichen": ["stove"],
-        "childrens room": [],
-        "lounge": ["tv_monitor", "CoffeeTable"],
-    },
-    "office": {
-        "printer room": [],
-        "open-plan": ["desk", "desk", "computer"],
-        "toilets": [],
-        "meeting room 1": ["table"],
-        "kitchenette": [],
-    },
-    "ward": {
-        "nurse station": ["desk"],
-        "patient room 1": ["bed"],
-        "patient room 2": [],
-        "medication room": [],
-        "toilet": [],
-    },
-    "only a hall": {"hall": ["mirror"]},
-    "no names": {
-        "R0": ["refrigerator", "stove", "sink"],
-        "R1": ["bed", "wardrobe"],
-        "R2": ["toilet", "shower"],
-        "R3": ["sofa", "tv"],
-        "R4": ["mirror", "coat rack"],
-    },
+    "simple": simple("kitchen: sink, stove; hall; bedroom: bed; bathroom"),
+    "words": simple("toilets; kichen: stove; childrens room; lounge: tv_monitor, CoffeeTable"),
+    "office": simple(
+        "printer room; open-plan: desk, desk, computer; toilets; meeting room 1: table; kitchenette"
+    ),
+    "ward": simple(
+        "nurse station: desk; patient room 1: bed; patient room 2; medication room; toilet"
+    ),
+    "only a hall": simple("hall: mirror"),
+    "no names": simple(
+        "R0: refrigerator, stove, sink; R1: bed, wardrobe; R2: toilet, shower; R3: sofa, tv; "
+        "R4: mirror, coat rack"
+    ),
     "hotel": building(
-        *("lobby", "lift", "corridor", "room 101", "room 102", "restaurant", "hotel kitchen"),
-        *("linen room", "luggage room"),
+        "lobby, lift, corridor, room 101, room 102, restaurant, hotel kitchen, linen room, "
+        "luggage room",
         kind="hotel",
     ),
     "school": building(
-        *("corridor", "classroom", "art room", "music room", "gym", "canteen", "nurse's office"),
-        *("janitor closet", "staff room"),
+        "corridor, classroom, art room, music room, gym, canteen, nurse's office, janitor closet, "
+        "staff room",
         kind="school",
     ),
     "warehouse": building(
-        *("loading dock", "aisle 1", "cold storage", "packing area", "workshop", "office"),
-        "break room",
+        "loading dock, aisle 1, cold storage, packing area, workshop, office, break room",
         kind="other",
     ),
     "nothing yet": {"scene_id": "nothing yet", "rooms": []},
 }
-ROOMS = [one["id"] for one in FLAT["rooms"]]
+ROOMS = [room["id"] for room in FLAT["rooms"]]
 # Reports of a robot that many rows begin with
 TOLD = {
     "MUG": "saw(kitchen, mug, object_id=mug)",
