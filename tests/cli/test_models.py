@@ -74,3 +74,8 @@ def test_an_evaluation_of_replaced_weights_is_told(
     assert "measures other weights" in call("verify", run / "evaluation").stderr
     runner(evaluate.main)(dataset, "--model", run, "--force")
     assert "other weights" not in call("show", run).stderr
+
+
+def test_a_build_without_models_lists_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_models.runs.found_model.weights_folder", lambda: tmp_path)
+    assert "no models are shipped with this build" in call("list").stderr

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from bsg_cli import choices
-from bsg_cli.options import split_names
+from bsg_cli.options import split_names, workers_option
 from bsg_cli.registry import COMMANDS
 from bsg_data.errors import RecipeError
 from bsg_models.zoo.config import find_config
@@ -40,3 +40,10 @@ def test_a_missing_dataset_is_refused_before_the_work(line: str) -> None:
     name, *words = line.split()
     result = CliRunner().invoke(COMMANDS[name], words)
     assert (result.exit_code, result.stderr) == (1, "Error: none: no such folder\n")
+
+
+def test_no_machine_is_asked_for_processes_without_end() -> None:
+    command = click.command()(workers_option(lambda workers: click.echo(workers)))
+    assert CliRunner().invoke(command, ["--workers", "3"]).output == "3\n"
+    for number in ("0", "1025", "9" * 30):
+        assert CliRunner().invoke(command, ["--workers", number]).exit_code == 2

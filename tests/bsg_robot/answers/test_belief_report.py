@@ -9,7 +9,7 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.training.training import train_run
@@ -49,3 +49,8 @@ def test_a_graph_is_read_into_the_class_space_of_the_run(wide_run: Path, tmp_pat
     read = report_beliefs(BeliefRequest(run=wide_run, graphs=(open_graph_file(path),)))
     (obj,) = read.graphs[0].partial.objects
     assert read.graphs[0].partial.class_space.classes[obj.class_index or 0] == "shoe"
+
+
+def test_a_run_of_another_space_is_refused_with_both_named(wide_run: Path, dataset: Path) -> None:
+    with pytest.raises(MismatchError):
+        report_beliefs(BeliefRequest(run=wide_run, dataset=dataset, split="test"))

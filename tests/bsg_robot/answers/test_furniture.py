@@ -258,3 +258,17 @@ def test_of_hundreds_of_pieces_that_of_the_robot_is_weighed_too() -> None:
     ]
     seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
     assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
+
+
+def test_what_was_seen_in_the_room_is_on_a_piece_that_was_seen_there() -> None:
+    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": ["coat rack"]})
+    pieces = seen.where("cup", within="kitchen")
+    unseen = next(place for place in seen.where("cup") if place.room == "kitchen").unseen
+    unseen_pieces = pieces[-1].if_there
+    for piece in pieces:
+        lies = 0.0 if piece.name == NOT_SEEN else piece.if_there / (1 - unseen_pieces)
+        both = 1 - (1 - lies) * (1 - piece.if_there * unseen)
+        assert piece.probability == pytest.approx(both)
+    go = seen.next_place("cup", here="hall")
+    assert go is not None
+    assert (go.room, go.piece) == ("kitchen", pieces[0].piece)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from bsg_models.runs.predictor import Predictor
+from bsg_models.zoo.catalogue import ZOO
 from bsg_robot.answers.kind_table import read_kinds
 from bsg_robot.answers.kinds import infer_kinds
 from bsg_robot.answers.notes import note_graph
@@ -136,3 +137,9 @@ def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:
     named = "patient room 1, nurse station, Dispensary: read as the kinds that their names say"
     assert named in seen.notes
     assert any("coat rack" in note for note in seen.notes), "what came later is told, too"
+
+
+def test_a_model_that_reads_no_room_types_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ZOO["mixture"].make, "reads_labels", False)
+    (note,) = notes_on(Predictor("mixture"), {"room_type": "kitchen"}, "sink")
+    assert note == "room types: mixture does not read them"

@@ -462,3 +462,9 @@ def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
     assert read_again(graph) == graph
     with refuses(RobotGraphError, "graph-malformed", where="x"):
         read({**home, "objects": [*pile, bottom | {"on": "0"}]})
+
+
+def test_a_detector_is_a_vocabulary() -> None:
+    graph = read({"rooms": [{"id": "a"}], "detector": "coco"})
+    assert len(graph.detector or ()) == 80
+    assert read_again(graph) == graph

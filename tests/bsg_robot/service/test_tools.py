@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import anyio
 import pytest
+from asked_service import COMMAND
 from mcp import Client, StdioServerParameters
 
-COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
 SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
 
 
