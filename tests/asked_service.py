@@ -1,10 +1,35 @@
-"""The service, asked in this process by HTTP and by MCP."""
+"""The service: started as people start it, or asked in this process by HTTP and by MCP."""
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import anyio
+
+from bsg_models.runs.found_model import TERMS
+
+COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
+
+
+@contextmanager
+def start_service() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run the service on a free port of this machine; it ends as it should."""
+    with subprocess.Popen([*COMMAND, "--port", "0"], stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr
+        try:
+            assert process.stderr.readline() == f"{TERMS}\n"
+            found = re.search(r"http://127\.0\.0\.1:\d+", process.stderr.readline())
+            assert found
+            yield process, found[0]
+        finally:
+            process.terminate()
+            notes = process.stderr.read()
+    assert (process.returncode, notes.strip()) == (143, "asked to end")
 
 
 def ask_service(

@@ -131,60 +131,49 @@ def test_rooms_are_folders_of_depth_two_whose_init_is_a_docstring() -> None:
             assert ast.get_docstring(ast.Module(body, [])), f"{init}: no docstring"
 
 
-def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library() -> None:
-    names = list(modules("bsg_data"))
-    code = (
-        "import sys, importlib\n"
-        "sys.modules['torch'] = None\n"  # any `import torch` raises now
-        f"for name in {names!r}: importlib.import_module(name)\n"
-        "import bsg_cli.data\n"
-        "heavy = {'matplotlib', 'scipy', 'shapely', 'torch_geometric', 'trimesh'}\n"
-        "heavy &= set(sys.modules)\n"
-        "assert not heavy, heavy\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-
-
-WITHOUT_HEAVY = (  # any import of these raises
-    "import sys\n"
-    "heavy = ('matplotlib', 'networkx', 'pandas', 'PIL', 'pyarrow', 'scipy', 'shapely',\n"
-    "         'torch', 'torch_geometric', 'trimesh')\n"
-    "sys.modules.update(dict.fromkeys(heavy))\n"
-)
-
-
-def test_an_answer_imports_nothing_heavy() -> None:
-    """By every shipped model, in Python and as a command: what builds and trains stays aside."""
-    graph = str(REPOSITORY / "docs" / "home.json")
-    code = (
-        f"{WITHOUT_HEAVY}import bsg_robot\n"
-        "from bsg_models.runs.found_model import shipped_names\n"
+HEAVY = "matplotlib networkx pandas PIL pyarrow scipy shapely torch torch_geometric trimesh"
+FORBID = f"import sys; sys.modules.update(dict.fromkeys({HEAVY!r}.split()))\n"
+HOME = str(REPOSITORY / "docs" / "home.json")
+# What runs without these libraries: part → the module that it needs, and its code.
+LIGHT = {
+    "the roots": (
+        None,
+        "import bsg_data, bsg_models, bsg_robot\nassert 'numpy' not in sys.modules",
+    ),
+    "the node": ("rclpy", "import bsg_robot.ros.node"),
+    "the service": ("mcp", "from bsg_robot.service import http, pool, tools"),
+    "an answer of each model, in Python": (
+        None,
+        "import bsg_robot\nfrom bsg_models.runs.found_model import shipped_names\n"
         "for name in shipped_names():\n"
-        f"    bsg_robot.open_graph({graph!r}, model=name).where('microwave', here='hall')\n"
-        "from bsg_cli.belief import main\n"
-        f"sys.argv[1:] = [{graph!r}, '--find', 'microwave', '--from', 'living']\n"
-        "main()\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "\ngo first to kitchen\n" in done.stdout
+        f"    bsg_robot.open_graph({HOME!r}, model=name).where('microwave', here='hall')",
+    ),
+    "an answer of the command": (
+        None,
+        f"sys.argv[1:] = [{HOME!r}, '--find', 'microwave', '--from', 'living']\n"
+        "from bsg_cli.belief import main\nmain()",
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("needed", "modules"),
-    [
-        ("rclpy", ["bsg_robot.ros.node"]),
-        ("mcp", [f"bsg_robot.service.{name}" for name in ("http", "pool", "tools")]),
-    ],
-)
-def test_the_node_and_the_service_import_nothing_heavy(needed: str, modules: list[str]) -> None:
-    pytest.importorskip(needed, reason="needs the extras ros and serve")
-    code = f"{WITHOUT_HEAVY}import {', '.join(modules)}\n"
+@pytest.mark.parametrize("part", LIGHT)
+def test_what_answers_imports_nothing_heavy(part: str) -> None:
+    needed, code = LIGHT[part]
+    if needed:
+        pytest.importorskip(needed, reason="needs the extras ros and serve")
+    run_python(FORBID + code)
+
+
+def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library() -> None:
+    names = [*modules("bsg_data"), "bsg_cli.data"]
+    run_python(
+        "import sys, importlib\nsys.modules['torch'] = None\n"  # any `import torch` raises now
+        f"for name in {names!r}: importlib.import_module(name)\n"
+        "assert not {'matplotlib', 'scipy', 'shapely', 'trimesh'} & set(sys.modules)"
+    )
+
+
+def run_python(code: str) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
@@ -214,19 +203,9 @@ def test_every_error_of_the_tree_is_drawn() -> None:
     assert all(issubclass(error, errors.BSGError) for error in defined.values())
 
 
-def test_the_roots_import_nothing_heavy() -> None:
-    code = (
-        "import sys, bsg_data, bsg_models, bsg_robot\n"
-        "heavy = {'numpy', 'pandas', 'pyarrow', 'pydantic', 'scipy', 'torch'} & set(sys.modules)\n"
-        "assert not heavy, heavy\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
 def test_libraries_are_silent_and_pickle_nothing() -> None:
-    for room in ("bsg_data", "bsg_models", "bsg_robot"):
-        for name, tree in modules(room).items():
+    for name, tree in MODULES.items():
+        if not name.startswith("bsg_cli"):
             calls = (n.func for n in ast.walk(tree) if isinstance(n, ast.Call))
             printed = [f for f in calls if isinstance(f, ast.Name) and f.id == "print"]
             assert not printed, f"{name} prints"

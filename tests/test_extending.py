@@ -75,6 +75,15 @@ def test_the_source_and_the_mask_make_a_sound_dataset_under_their_own_terms() ->
     assert "Matterport" not in card + Path("dataset", CROISSANT).read_text("utf-8")
 
 
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out, which take most of the time."""
+    monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
+    plot = "bsg_models.studies.leaderboard_report.plot_leaderboard"
+    monkeypatch.setattr(plot, lambda *given, **_: given[2].write_bytes(b""))
+
+
+@pytest.mark.usefixtures("no_figures")
 def test_the_model_is_evaluated_with_the_metric() -> None:
     """In every form of the results: the metric has no place of its own, and follows ours."""
     done = run("bsg-evaluate dataset --model run --out evaluation --html page.html")
@@ -87,6 +96,7 @@ def test_the_model_is_evaluated_with_the_metric() -> None:
         assert f">{label}</td>" in short
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
     words = "--folds 3 --draws 1 --workers 1"
     run("bsg-leaderboard dataset --models doubled,mean-rate --masks coin --out board " + words)

@@ -155,5 +155,5 @@ def _require_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
         (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise ValueError(f"the key {show_value(twice)} twice")
+        raise ValueError(f"the key {show_value(twice)} twice; expected once")
     return table

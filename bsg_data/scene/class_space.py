@@ -39,7 +39,7 @@ class ClassSpace(Record):
     @model_validator(mode="after")
     def _hash_fits(self) -> ClassSpace:
         if self.sha256 != _hash_classes(self.classes):
-            raise ValueError(f"the sha256 of class space {self.name} is not that of its classes")
+            raise ValueError(f"class space {self.name}: expected the sha256 of its classes")
         return self
 
     @classmethod

@@ -131,7 +131,7 @@ def _check_outputs(request: BeliefRequest, *, left: bool) -> list[tuple[FormatRo
     results = [(choose_format(path), path) for path in request.out]
     paths = [path.absolute() for path in (*request.out, *(file.path for file in request.graphs))]
     for path in (path for path, times in Counter(paths).items() if times > 1):
-        raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
+        raise RecipeError(f"{path}: is named twice; name it once", code="output-twice", where=path)
     for row, path in results:
         if not _annotates(row, request):
             row.require_writer(path)

@@ -101,7 +101,9 @@ def _assemble(record: _Document, partial: PartialGraph) -> BeliefGraph:
     room_of = {obj.name: obj.room_index for obj in partial.objects}
     for node in record.blind:
         if node.room >= len(seen) or node.class_name not in classes:
-            raise ValueError(f"a blind node of {node.class_name!r} in room {node.room}")
+            raise ValueError(
+                f"a blind node of {node.class_name!r} in room {node.room}: expected known ones"
+            )
         if node.on is not None and room_of.get(node.on) != node.room:
             raise ValueError(f"a blind node on {node.on[:SHOWN]!r}, which is not in its room")
     blind = (

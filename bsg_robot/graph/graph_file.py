@@ -78,7 +78,7 @@ def parse_graph(
         return _parse_hydra(document, path, labels, own)
     if labels is not None:
         raise RecipeError(
-            f"labels are for Hydra's graphs, and {path} is not one",
+            f"labels are for Hydra's graphs, and {path} is not one; leave them out",
             code="labels-unused",
             where=path,
         )

@@ -7,6 +7,7 @@ forms that are read, as room → the things seen there.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -71,11 +72,13 @@ from bsg_robot.things.things import classify_seen
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+_SHOULD = re.compile(r"^\w+ should (?:be |have )?")
 _WORDS = {  # of JSON, where pydantic's are of Python's types
     "model_type": "expected a JSON object (docs/belief.md)",
     "dataclass_type": 'expected a JSON object, such as {"id": "kitchen"} (docs/belief.md)',
     "tuple_type": "expected a JSON list",
     "dict_type": "expected a JSON list of words",
+    "too_short": "expected one or more, found none",
     "missing": f"is missing (docs/belief.md); the simplest map is {FORM}",
 }
 _ROOM_FIELDS = tuple(field.name for field in fields(KnownRoom))
@@ -435,14 +438,14 @@ def _connect(ends: tuple[str, str], index: Mapping[str, int]) -> tuple[int, int]
     where = f"adjacency of {ends[0][:SHOWN]!r} and {ends[1][:SHOWN]!r}"
     a, b = sorted(_find(end, index, where) for end in ends)
     if a == b:
-        raise RecipeError(f"adjacency: {ends[0]!r} with itself")
+        raise RecipeError(f"adjacency: {ends[0]!r} with itself; name two rooms")
     return a, b
 
 
 def _number(ids: list[str], what: str) -> dict[str, int]:
     twice = [name for name, times in Counter(ids).items() if times > 1]
     if twice:
-        raise RecipeError(f"{what} id {twice[0]!r} is there twice")
+        raise RecipeError(f"{what} id {twice[0]!r} is there twice; give each its own")
     return {name: number for number, name in enumerate(ids, 1)}
 
 
@@ -470,7 +473,9 @@ def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
     elif fault["type"] == "too_long":
         reason = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
     else:
-        reason = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
+        reason = _WORDS.get(fault["type"]) or _SHOULD.sub("expected ", fault["msg"]).removeprefix(
+            "Value error, "
+        )
     keys = ".".join(str(key)[:SHOWN] for key in path)
     return ": ".join(filter(None, (entry, keys, reason)))
 

@@ -1,6 +1,6 @@
 """Folders and files are put in place whole, and nothing of somebody else is replaced.
 
-That a kill leaves the old or the new is shown in tests/faults/test_state_machine.py.
+That a kill leaves the old or the new is shown in tests/faults/test_kills.py.
 """
 
 from __future__ import annotations

@@ -270,22 +270,6 @@ def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
         assert plain(found) == answer, door
 
 
-def test_what_nobody_can_read_counts_as_not_said_by_every_door(service: Any) -> None:
-    rooms = [{**UNREAD["rooms"][0]}, UNREAD["rooms"][1] | {"room_type": {"kitchen": 0.5}}]
-    rooms = [*rooms, UNREAD["rooms"][2] | {"room_type": "bedroom"}]
-    rooms[0].pop("room_type")
-    unsaid = Question({"scene_id": "unread", "rooms": rooms}, ["milk", "bed"], "R1")
-    asked = QUESTIONS["kinds that nobody can read"]
-    unread, silent = by_service(service, asked), by_service(service, unsaid)
-    expected = open_graph(asked.map).notes
-    for door in unread:
-        notes, _ = unread[door].pop("notes"), silent[door].pop("notes")
-        assert unread[door] == silent[door]
-        assert notes == [*expected]
-    assert "'zzz': kind of room unknown; say `room_type`" in expected
-    assert any(note.startswith("'castle': kind of building unknown") for note in expected)
-
-
 @pytest.mark.parametrize("said", [FLAT, UNREAD, {"R0": ["stove", "fridge"], "R1": []}])
 def test_every_door_names_the_kinds_of_rooms(said: Map, service: Any) -> None:
     seen = open_graph(said)

@@ -35,15 +35,15 @@ def test_a_list_has_each_name_once() -> None:
         split_names(" ,", option="--worlds")
 
 
-def test_no_machine_is_asked_for_processes_without_end() -> None:
-    command = click.command()(workers_option(lambda workers: click.echo(workers)))
-    assert CliRunner().invoke(command, ["--workers", "3"]).output == "3\n"
-    for number in ("0", "1025", "9" * 30):
-        assert CliRunner().invoke(command, ["--workers", number]).exit_code == 2
-
-
 @pytest.mark.parametrize("line", ["bsg-data pairs none", "bsg-search none --planners no"])
 def test_a_missing_dataset_is_refused_before_the_work(line: str) -> None:
     name, *words = line.split()
     result = CliRunner().invoke(COMMANDS[name], words)
     assert (result.exit_code, result.stderr) == (1, "Error: none: no such folder\n")
+
+
+def test_no_machine_is_asked_for_processes_without_end() -> None:
+    command = click.command()(workers_option(lambda workers: click.echo(workers)))
+    assert CliRunner().invoke(command, ["--workers", "3"]).output == "3\n"
+    for number in ("0", "1025", "9" * 30):
+        assert CliRunner().invoke(command, ["--workers", number]).exit_code == 2

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
+from killed_process import snapshot
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.seal import write_seal
@@ -37,10 +38,6 @@ def work(
     shutil.copy(REPOSITORY / "docs" / "home.json", tmp_path / "home.json")
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def snapshot(folder: Path) -> dict[Path, bytes | None]:
-    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 def invoke(line: str, place: str) -> Result:

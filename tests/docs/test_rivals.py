@@ -182,29 +182,6 @@ def test_objects_speak_in_the_mean_over_what_is_seen(tmp_path: Path) -> None:
     assert np.isnan(found[3]).all()  # the table has no row of what is seen
 
 
-@pytest.mark.parametrize(
-    "entries",
-    [
-        {},
-        {"room_types": {"kitchen": {"presence": {"stov": 0.5}}}},
-        {"objects": {"bed": {"lamp": 1.5}}},
-        {"room_types": {"kitchen": {"weight": 0, "presence": {}}}},
-        {"version": 2, "objects": OBJECTS},
-    ],
-)
-def test_a_table_that_cannot_be_is_refused(tmp_path: Path, entries: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError):
-        make_prior(tmp_path, **entries)
-
-
-def test_the_hand_table_names_every_class() -> None:
-    from bsg_rivals.prior_table import read_prior_table
-
-    table = read_prior_table("", classes := load_class_space().classes)
-    named = {name for room in table.room_types.values() for name in room.presence}
-    assert named == set(classes)
-
-
 @pytest.mark.parametrize("document", ["docs/models.md", "docs/prior-table-prompt.md"])
 def test_the_tables_in_the_documents_are_tables(tmp_path: Path, document: str) -> None:
     from bsg_rivals.prior_table import read_prior_table
@@ -317,3 +294,26 @@ def test_rules_of_habits_by_hand() -> None:
     for name in ("most often at this hour", "FreMEn", "kernel of hour and age"):
         assert RULES[name](seen, morning, 3).argmax() == 0, name
         assert RULES[name](seen, evening, 3).argmax() == 1, name
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {},
+        {"room_types": {"kitchen": {"presence": {"stov": 0.5}}}},
+        {"objects": {"bed": {"lamp": 1.5}}},
+        {"room_types": {"kitchen": {"weight": 0, "presence": {}}}},
+        {"version": 2, "objects": OBJECTS},
+    ],
+)
+def test_a_table_that_cannot_be_is_refused(tmp_path: Path, entries: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        make_prior(tmp_path, **entries)
+
+
+def test_the_hand_table_names_every_class() -> None:
+    from bsg_rivals.prior_table import read_prior_table
+
+    table = read_prior_table("", classes := load_class_space().classes)
+    named = {name for room in table.room_types.values() for name in room.presence}
+    assert named == set(classes)

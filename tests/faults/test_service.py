@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import itertools
 import json
-import re
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -20,10 +17,10 @@ from urllib.parse import urlsplit
 
 import httpx2
 import pytest
+from asked_service import start_service
 
 pytest.importorskip("mcp", reason="needs the extra serve")
 pytestmark = pytest.mark.heavy
-COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
 HONEST = {"map": {"kitchen": ["sink", "stove"], "hall": []}, "things": "microwave", "here": "hall"}
 JSON = {"Content-Type": "application/json"}
 SIZE = 2_000_000
@@ -33,13 +30,8 @@ TELLER = itertools.count()
 @pytest.fixture
 def service() -> Iterator[tuple[int, str]]:
     """The process and the address of a service."""
-    with subprocess.Popen([*COMMAND, "--port", "0"], stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr
-        process.stderr.readline()  # the terms of the model
-        found = re.search(r"http://127\.0\.0\.1:\d+", process.stderr.readline())
-        assert found
-        yield process.pid, found[0]
-        process.terminate()
+    with start_service() as (process, address):
+        yield process.pid, address
 
 
 def send_lists(address: str) -> None:

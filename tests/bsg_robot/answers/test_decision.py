@@ -158,11 +158,13 @@ def cost_policies(case: Case, laws: Sequence[Law], most: int) -> dict[Room, floa
     rooms, full = len(case.rates) - 1, (most,) * (len(case.rates) - 1)
     last = [law.miss(full) for law in laws]
 
+    @cache
     def left(thing: int, looks: tuple[int, ...]) -> float:
         """Return P(it is not found by then), given that looks everywhere find it."""
         some = 1 - last[thing]
         return (laws[thing].miss(looks) - last[thing]) / some if some > 1e-15 else 0.0
 
+    @cache
     def something_left(looks: tuple[int, ...]) -> float:
         """Return P(the looks that are left find something): each finds what others left."""
         nothing = 1.0
@@ -221,9 +223,10 @@ def above_best(case: Case, *, most: int) -> float | None:
 @pytest.mark.parametrize("again", [False, True])
 def test_the_first_room_is_that_of_the_best_policy_of_all(again: bool) -> None:
     """Expected cost at most 1 % above the best in every building, and equal in 99 %."""
-    found = (above_best(sample(seed, again=again), most=3 if again else 1) for seed in range(300))
+    seeds, most = (180, 3) if again else (300, 1)
+    found = (above_best(sample(seed, again=again), most=most) for seed in range(seeds))
     above = np.array([share for share in found if share is not None])
-    assert len(above) > 180
+    assert len(above) > 0.6 * seeds
     assert above.max() <= 0.01
     assert np.mean(above < 1e-6) >= 0.99
 

@@ -150,23 +150,6 @@ def test_what_is_forgotten_was_never_there(seed: int) -> None:
     assert answers[0] == answers[1] == answers[2]
 
 
-@pytest.mark.parametrize("thing", ["keys", "mug", "bed", "towel"])
-@pytest.mark.parametrize("on", [None, "table"])
-def test_a_sighting_fades(thing: str, on: str | None) -> None:
-    """At the same time of the day: what is learned of a place stays."""
-    rooms = [{"id": name} for name in ROOMS]
-    table = {"id": "table", "room": "hall", "category": "table", "time": NOW}
-    home = {"scene_id": "home", "rooms": rooms, "objects": [table], "now": NOW, "more_rooms": 0}
-    seen = open_graph(home, model=UNIVERSAL)
-    seen.saw("hall", thing, on=on)
-    likely = []
-    for day in range(10):
-        likely.append(next(p.probability for p in seen.where(thing) if p.room == "hall"))
-        seen.passes(24 * 2**day)
-    assert likely[0] == 1
-    assert likely[-1] < 1
-
-
 @pytest.mark.parametrize("seed", range(12, 24))
 def test_a_look_that_missed_makes_no_place_likelier(seed: int) -> None:
     story = Story(seed)

@@ -14,7 +14,6 @@ from bsg_robot import open_graph
 from bsg_robot.answers.nouns import (
     EPSILON,
     HEAD,
-    Noun,
     NounTable,
     split_head,
 )
@@ -94,20 +93,6 @@ def test_any_text_has_a_head_or_none(name: str) -> None:
     assert head or not before
     said = normalise_name(name) + "with"  # which `w/` is short for
     assert all(part in said for part in (*before, head))
-
-
-@pytest.mark.parametrize(
-    ("asked", "seen", "is_one"),
-    [
-        ("banana", "Bananas", True),
-        ("banana", "ripe banana", True),
-        ("ripe banana", "banana", False),
-        ("banana", "banana bread", False),
-    ],
-)
-def test_a_seen_object_is_the_noun_by_its_name(asked: str, seen: str, is_one: bool) -> None:
-    noun = Noun(asked, asked.split()[-1], (), 0.0, np.zeros(1))
-    assert noun.names(seen) == is_one
 
 
 @pytest.mark.skipif(not (SHARED.parent / "housekeep").is_dir(), reason="needs ../shared/housekeep")

@@ -62,24 +62,6 @@ def test_answers_say_what_a_person_would_find_and_models_what_annotators_noted()
     assert found[1:, sink].argmax() == noted[1:, sink].argmax()
 
 
-def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
-    first = seen.where("sofa")[0]
-    assert (first.room, first.probability, first.seen) == ("waiting-room", 1.0, ("1",))
-    assert seen.anywhere("couch") == 1
-    assert seen.next_room("couch", here="meeting-room") == "waiting-room"
-    assert seen.next_room("couch", here="waiting-room") == "waiting-room"
-    seen.searched("waiting-room")
-    assert seen.next_room("couch", here="kitchen") == "waiting-room"
-
-
-def test_the_room_where_the_robot_is_counts_until_it_is_searched(seen: SeenBuilding) -> None:
-    assert seen.next_room("sink", here="kitchen") == "kitchen"
-    seen.searched("kitchen")
-    assert seen.next_room("sink", here="kitchen") != "kitchen"
-    seen.searched("waiting-room")
-    assert seen.next_room("sink", here="meeting-room") == "meeting-room"
-
-
 def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
     seen.entered("kitchen", floor_in_view=0.75)
     assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
@@ -87,30 +69,6 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
     assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
     with refuses(RecipeError, "share-twice", "kitchen"):
         seen.entered("kitchen", floor_in_view=0.75, hidden_share=0.5)
-
-
-def test_a_room_type_that_nobody_can_read_is_a_note_and_says_nothing(seen: SeenBuilding) -> None:
-    other, before = seen.copy(), seen.notes
-    seen.discovered("R9", room_type="zzz")
-    word, place = sorted(set(seen.notes) - set(before))
-    assert word == "'zzz': kind of room unknown; say `room_type`"
-    assert place.startswith("R9: neither position nor connection")
-    other.discovered("R9")
-    other.describe("R9", room_type={"zzz": 0.5, "yyy": 0.5})
-    assert seen.where("milk") == other.where("milk")
-    seen.describe("R9", room_type="kitchen")
-    seen.describe("R9", room_type="zzz")
-    assert (seen.graph.rooms[-1].room_type, word in seen.notes) == ("kitchen", True)
-    seen.describe("R9", room_type="bar")
-    assert (seen.graph.rooms[-1].room_type, seen.graph.rooms[-1].unread) == ("bar", ())
-
-
-def test_a_map_in_german_answers_as_one_in_english() -> None:
-    german = open_graph({"Küche": ["sink"], "Flur": [], "Schlafzimmer": ["bed"], "Bad": []})
-    english = open_graph({"kitchen": ["sink"], "hall": [], "bedroom": ["bed"], "bathroom": []})
-    for thing in ("milk", "microwave", "shampoo", "wardrobe"):
-        found = [[place.probability for place in seen.where(thing)] for seen in (german, english)]
-        assert found[0] == found[1]
 
 
 def test_words_of_the_user_are_read_from_a_table(tmp_path: Path) -> None:
@@ -159,7 +117,6 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.looked("kitchen", "zzqx"),
         lambda seen: seen.gone("no such id"),
         lambda seen: seen.searched("kitchen", found=["sofa"]),  # that is in another room
-        lambda seen: seen.discovered("explore"),
         lambda seen: seen.describe("kitchen", floor_area=-1.0),
         lambda seen: seen.describe("kitchen", beside="kitchen"),
         lambda seen: seen.more_rooms(-1),
@@ -214,32 +171,16 @@ def test_a_model_for_any_use_is_not_helped_by_one_for_research(how: str, tmp_pat
         seen.where("sextant")
 
 
-@pytest.mark.parametrize(
-    ("thing", "first"),
-    [
-        ("microwave", "kitchen"),
-        ("washing machine", "laundry"),
-        ("bed", "bedroom"),
-        ("toilet", "bath"),
-        ("tv", "living room"),
-        ("towel", "bath"),
-    ],
-)
-def test_the_model_for_any_use_knows_the_rooms_of_a_home(thing: str, first: str) -> None:
+def test_the_model_for_any_use_knows_the_rooms_of_a_home_by_name_and_by_their_things() -> None:
     names = ("hall", "kitchen", "laundry", "bath", "bedroom", "living room")
-    rooms = [{"id": name, "visited": False} for name in names]
-    seen = open_graph({"scene_id": "home", "rooms": rooms}, model="open")
-    assert seen.where(thing)[0].room == first
-    assert seen.anywhere(thing) > 0.7
-
-
-def test_the_model_for_any_use_infers_the_kind_of_a_room_from_its_things() -> None:
-    things = {
-        "R0": ["stove", "refrigerator"],
-        "R1": ["bed", "wardrobe"],
-        "R2": ["toilet", "shower"],
-    }
-    seen = open_graph({"R3": []} | things, model="open")
+    home = {"scene_id": "home", "rooms": [{"id": name, "visited": False} for name in names]}
+    firsts = "microwave: kitchen, washing machine: laundry, bed: bedroom, toilet: bath"
+    seen = open_graph(home, model="open")
+    for thing, first in (row.split(": ") for row in f"{firsts}, tv: living room".split(", ")):
+        assert seen.where(thing)[0].room == first
+        assert seen.anywhere(thing) > 0.7
+    rooms = {"R0": ["stove", "refrigerator"], "R1": ["bed", "wardrobe"], "R2": ["toilet", "shower"]}
+    seen = open_graph({"R3": []} | rooms, model="open")
     for thing, first in (("microwave", "R0"), ("pillow", "R1"), ("bathtub", "R2")):
         assert seen.where(thing)[0].room == first
 
@@ -301,35 +242,6 @@ def test_a_wider_thing_is_not_the_narrow_one(narrow: str, wide: str, room: str) 
     assert not any(place.seen for place in places)
 
 
-def test_ids_may_be_numbers(seen: SeenBuilding) -> None:
-    seen.discovered(5, beside=["kitchen"])  # type: ignore[arg-type]
-    name = seen.saw("5", "mug", object_id=7)  # type: ignore[arg-type]
-    assert (name, seen.where("mug")[0].room) == ("7", "5")
-
-
-def test_the_table_of_things_says_how_many_homes_have_one() -> None:
-    """In a home with a hall and a kitchen, nothing seen: keys are surely somewhere."""
-    rooms = {"kitchen": [], "hall": [], "bedroom": [], "bathroom": [], "living room": []}
-    home = open_graph(rooms)
-    for thing, least in (("keys", 0.98), ("scissors", 0.95), ("umbrella", 0.85)):
-        assert home.anywhere(thing) >= least
-    assert home.anywhere("defibrillator") < 0.05
-    assert home.where("keys")[0].room == "hall"
-    assert home.where("toothbrush")[0].room == "bathroom"
-    ward = open_graph(
-        {"patient room": [], "nurse station": [], "medication room": [], "toilet": []}
-    )
-    assert ward.graph.building_kind == "hospital"
-    assert ward.anywhere("wheelchair") > 0.5
-    assert ward.where("medicine")[0].room == "medication room"
-
-
-def test_a_searched_room_hides_no_noun(seen: SeenBuilding) -> None:
-    seen.searched("kitchen")
-    places = {place.room: place for place in seen.where("banana")}
-    assert places["kitchen"].probability == places["kitchen"].expected == 0
-
-
 def test_a_seen_thing_of_the_class_is_not_the_kind(seen: SeenBuilding) -> None:
     seen.saw("kitchen", "plate")
     assert seen.where("fork")[0].probability < 1
@@ -349,47 +261,11 @@ def test_another_class_space_asks_the_default_model_for_nouns() -> None:
     assert of_wide == of_same
 
 
-# What a robot loses, finds again, and has not found yet
-
-
-def test_what_is_not_found_again_is_gone(seen: SeenBuilding) -> None:
-    first = seen.where("chair")[0]
-    assert first.seen
-    room = str(first.room)
-    again = first.seen[0]
-    seen.searched(room, found=[again])
-    assert next(p for p in seen.where("chair") if p.room == room).seen == (again,)
-    seen.gone(again)
-    assert next(p for p in seen.where("chair") if p.room == room).probability == 0
-
-
 def test_a_word_names_all_known_objects_of_its_kind(seen: SeenBuilding) -> None:
     seen.saw("kitchen", "mug", object_id="m1")
     seen.saw("kitchen", "red mug", object_id="m2")
     seen.searched("kitchen", found="mugs")
     assert {obj.name for obj in seen.graph.objects if obj.room_index == 2} == {"m1", "m2"}
-
-
-def test_a_look_for_a_class_is_one_for_its_kinds_and_not_the_reverse(seen: SeenBuilding) -> None:
-    def of(thing: str) -> float:
-        return next(p for p in seen.where(thing) if p.room == "kitchen").probability
-
-    mugs, forks = of("mug"), of("fork")
-    seen.looked("kitchen", "mug")
-    assert of("mug") < mugs
-    assert of("red mug") == of("mug")
-    assert of("fork") == forks
-    seen.looked("kitchen", "tableware")
-    assert of("fork") < forks
-
-
-def test_a_sighting_ends_the_doubt(seen: SeenBuilding) -> None:
-    seen.saw("kitchen", "mug", object_id="m")
-    seen.looked("kitchen", "mug")
-    assert seen.where("mug")[0].probability < 1
-    seen.saw("kitchen", "mug", object_id="m")
-    assert seen.where("mug")[0].probability == 1
-    assert seen.graph.looks == ()
 
 
 def test_a_file_may_say_looks_and_objects_without_scores(seen: SeenBuilding) -> None:
@@ -413,26 +289,19 @@ def test_a_file_may_say_looks_and_objects_without_scores(seen: SeenBuilding) -> 
     assert found == pytest.approx([0.4 / 0.6, 0.4 / 0.6, 0.125 / 0.875])
 
 
-def test_rooms_that_are_not_found_yet_hold_what_the_found_ones_lack() -> None:
+def test_rooms_that_are_found_are_fewer_that_are_not_found_yet() -> None:
     seen = open_graph({"hall": ["mirror"], "more_rooms": True})
-    first, hall = seen.where("towel")
-    assert (first.room, hall.room) == (EXPLORE, "hall")
-    assert first.probability <= seen.anywhere("towel") <= 1
-    assert seen.next_room("towel", here="hall") == EXPLORE
+    assert [place.room for place in seen.where("towel")] == [EXPLORE, "hall"]
     assert seen.next_room("towel") == EXPLORE
-    seen.discovered("bath", beside="hall", room_type="bathroom")
-    seen.more_rooms(0)
-    assert {place.room for place in seen.where("towel")} == {"hall", "bath"}
+    usual = seen.anywhere("towel")
     seen.more_rooms(2)
+    assert seen.anywhere("towel") < usual
     seen.discovered("cellar", beside="hall")
     assert seen.graph.more_rooms == 1
-    seen.more_rooms(True)
-    usual = seen.anywhere("towel")
-    seen.more_rooms(1)
-    assert seen.anywhere("towel") < usual
+    seen.more_rooms(0)
+    assert {place.room for place in seen.where("towel")} == {"hall", "cellar"}
     with refuses(RecipeError, "room-named-explore", "explore"):
         seen.discovered("explore")
-    assert "explore" not in seen.rooms
 
 
 def test_thirty_sightings_at_one_place_are_one_sofa(seen: SeenBuilding) -> None:
@@ -484,39 +353,20 @@ def test_a_robot_can_say_what_its_looks_cost(seen: SeenBuilding) -> None:
         seen.next_rooms({"a": "attic"}, "sink")
 
 
-def test_a_look_that_sees_nothing_changes_nothing(seen: SeenBuilding) -> None:
-    seen.saw("kitchen", "mug", object_id="m")
+def test_a_look_that_sees_nothing_and_a_doubtful_sighting_change_no_look(
+    seen: SeenBuilding,
+) -> None:
     before = seen.where("mug")
     seen.looked("kitchen", "mug", chance=0)
     assert seen.where("mug") == before
-
-
-def test_what_is_found_again_is_sure(seen: SeenBuilding) -> None:
-    seen.saw("kitchen", "mug", object_id="m", score=0.3)
-    seen.looked("kitchen", "mug")
-    seen.searched("kitchen", found=["m"])
-    assert next(p for p in seen.where("mug") if p.room == "kitchen").probability == 1
-    assert seen.next_room("mug", here="kitchen") == "kitchen"
-
-
-def test_a_doubtful_sighting_does_not_undo_a_look(seen: SeenBuilding) -> None:
     seen.looked("kitchen", "mug")
     seen.saw("kitchen", "mug", score=0.05)
-    assert len(seen.graph.looks) == 1
-
-
-def test_a_part_is_never_likelier_than_the_whole(seen: SeenBuilding) -> None:
-    seen.looked("kitchen", "red mug", chance=0.9)
-    of = {
-        word: next(p for p in seen.where(word) if p.room == "kitchen").probability
-        for word in ("mug", "red mug", "blue mug")
-    }
-    assert of["red mug"] < of["blue mug"] == pytest.approx(of["mug"])
+    assert seen.graph.looks[-1].chance == 0.8
 
 
 @pytest.mark.parametrize(
     ("part", "whole"),
-    [("air mattress", "bed"), ("apron", "clothes"), ("wallet", "bag"), ("action figure", "toy")],
+    [("air mattress", "bed"), ("wallet", "bag")],
 )
 def test_a_look_for_one_thing_says_nothing_of_the_rest_of_its_class(part: str, whole: str) -> None:
     home = {"bedroom": ["sofa"], "kitchen": ["sink"], "hall": []}

@@ -147,20 +147,12 @@ def test_the_first_time_dates_all_that_is_known() -> None:
     assert seen.graph.now == NOW + 2 * HOUR
 
 
-def test_times_that_cannot_be_change_nothing(seen: SeenBuilding) -> None:
+def test_a_time_that_cannot_be_changes_nothing(seen: SeenBuilding) -> None:
     before = seen.graph
     with refuses(RecipeError, "time-far", "home"):
         seen.saw("hall", "keys", time=NOW + 11 * 366 * DAY)
     with refuses(RecipeError, "time-back", "home"):
         seen.passes(until=NOW - 1)
-    with refuses(RecipeError, "time-twice", "saw 'keys'"):
-        seen.saw("hall", "keys", time=NOW, age=1)
-    with refuses(RecipeError, "time-unsaid"):
-        seen.passes()
-    with refuses(RecipeError, "time-impossible", "passes"):
-        seen.passes(until=float("nan"))
-    with refuses(RecipeError, "time-impossible", "saw 'keys'"):
-        seen.saw("hall", "keys", time="2026-11-28T12:00:00")
     assert seen.graph is before
 
 
@@ -175,12 +167,9 @@ REMEMBERED = {"id": "1", "category": "mug", "sightings": [[NOW, "hall", None]]}
         {"memory": [REMEMBERED, REMEMBERED]},
         {"memory": [REMEMBERED | {"sightings": []}]},
         {"memory": [REMEMBERED | {"sightings": [[NOW, "attic", None]]}]},
-        {"memory": [REMEMBERED | {"sightings": [[NOW, "hall"]]}]},
         {"memory": [REMEMBERED | {"sightings": [[NOW, "hall", None]] * 61}]},
-        {"memory": [REMEMBERED | {"sightings": {"hall": NOW}}]},
         {"memory": [REMEMBERED | {"id": str(n)} for n in range(memory.MOST_THINGS + 1)]},
         {"memory": [REMEMBERED | {"sightings": [[]] * (memory.MOST_IN_ALL + 1)}]},
-        {"memory": {"1": REMEMBERED}},
         {"customs": [{"thing": "mug"}]},
         {"customs": [{"thing": "mug", "room": "attic"}]},
     ],

@@ -20,7 +20,7 @@ from bsg_data.inputs.bounds import (
     MAX_ROBOT_SOUGHT,
 )
 from bsg_data.scene.class_map import load_class_map
-from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
+from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject, check_report
 from bsg_robot.answers.seen_building import open_graph
 from bsg_robot.graph import reports, robot_json
@@ -31,7 +31,6 @@ from bsg_robot.graph.robot_json import (
     encode_robot_graph,
     list_unmapped,
     parse_robot_graph,
-    read_robot_graph,
 )
 from bsg_robot.graph.room_kinds import guess_building_kind, note_room_types, understand_rooms
 
@@ -78,17 +77,6 @@ def test_nodes_and_links_of_networkx_are_told_how_to_write_a_map() -> None:
     assert '{"kitchen": ["sink"]' in str(caught.value)
 
 
-def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "graph.json"
-    for text in ("{", "[]", '{"scene_id": "a", "scene_id": "b", "rooms": []}', '{"scene_id": NaN}'):
-        path.write_text(text)
-        with pytest.raises(RobotGraphError) as caught:
-            read_robot_graph(path)
-        assert str(path) in str(caught.value)
-    with pytest.raises(RobotGraphError):
-        read_robot_graph(tmp_path / "none.json")
-
-
 MANY_KEYS = {f"k{number}": 0 for number in range(100_000)}
 ON_THE_BENCH = [
     {"id": "bench", "room": "hall", "category": "bench"},
@@ -98,19 +86,15 @@ FAULTS: list[tuple[dict[str, Any], str]] = [  # beside `SAID`
     ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
     ({"roms": []}, "'roms' is no key; did you mean rooms"),
     ({"x" * 10_000: 1}, f"'{'x' * 80}' is no key"),
-    ({"building_kind": 7}, "building_kind: "),
     ({"room_labels": {"Kajüte": "bedrom"}}, "room_labels: expected a label that we know"),
-    ({"detector": "chair"}, "detector: no vocabulary 'chair'"),
     ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
     ({"rooms": [{"id": "a"}, {"id": "a"}]}, "room id 'a'"),
     ({"rooms": ["hall"]}, 'room number 1: expected a JSON object, such as {"id": "kitchen"}'),
     ({"rooms": None}, "rooms: is missing (docs/belief.md); the simplest map is {"),
-    ({"rooms": [{"id": 3.5}]}, "room number 1: id: "),
     ({"rooms": [{"id": True}]}, "room number 1: id: "),
     ({"rooms": [{"id": "a", "objects": "sink"}]}, "room 'a': objects: expected a JSON list"),
     ({"objects": [{"id": "1", "category": "bed", "room": "attic"}]}, "object '1' (bed): "),
     ({"objects": [{"id": "7", "clas": "bed"}]}, "object '7': 'clas' is no key; did you mean"),
-    ({"objects": [{"id": "7", "category": "bed"}] * 11 + [5]}, "object number 12: "),
     ({"objects": ON_THE_BENCH}, "object 'cup': on: 'bench' is in room 'hall'; expected an"),
     ({"objects": [ON_THE_BENCH[0] | {"on": "tble"}]}, "object 'bench': on: there is no object"),
     ({"objects": [ON_THE_BENCH[0] | {"on": "bench"}]}, "object 'bench': on: lies on itself, by"),
@@ -122,20 +106,14 @@ FAULTS: list[tuple[dict[str, Any], str]] = [  # beside `SAID`
         "look for 'key': at: 'bench' is in room 'hall'",
     ),
     ({"adjacency": [["hall", "hall"]]}, "adjacency: 'hall' with itself"),
-    ({"adjacency": [["hall", "attic"]]}, "adjacency of 'hall' and 'attic': "),
     ({"adjacency": [["hall", "kitchen"], ["hall", []]]}, "pair of adjacency number 2: 1: "),
     (MANY_KEYS, "'k0' is no key; known are format, version"),
-    ({"rooms": [{"id": "k", **MANY_KEYS}]}, "room 'k': 'k0' is no key"),
 ]
 FAULTS_OF_A_ROOM: list[dict[str, Any]] = [
-    {"hiden_share": 0.5},
-    {"hidden_share": 1.5},
     {"seconds_inside": -1},
     {"visited": "no"},
-    {"position": [1, 2]},
     {"box": [[0, 0, 0]] * 3},
     {"floor_index": True},
-    {"floor_area": 0},
     {"room_type": {"kitchen": 0.7, "bar": 0.4}},
     {"hidden_share": 0.5, "floor_in_view": 0.5},
     {"hidden_share_sd": 0.1, "seconds_inside": 5},
@@ -143,10 +121,9 @@ FAULTS_OF_A_ROOM: list[dict[str, Any]] = [
     {"visited": False, "seconds_inside": 5},
 ]
 FAULTS_OF_THE_SIMPLEST_MAP: list[tuple[Any, str]] = [
-    ({"kitchen": "sink"}, "kitchen: expected a JSON list"),
     ({"kitchen": 0}, 'kitchen: expected a JSON list of things, such as {"kitchen": ["sink"]'),
     ({"kitchen": ["sink"], "hall": ["lamp", 5]}, "hall.1: expected a thing, such as"),
-    ({"x" * 10_000: []}, f"room '{'x' * 80}': id: String should have at most 500 characters"),
+    ({"x" * 10_000: []}, f"room '{'x' * 80}': id: expected at most 500 characters"),
     ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key; known are format, "),
     ({"map": {"kitchen": ["sink"]}}, "room 'map': 'kitchen' is no key; known are "),
 ]
@@ -319,7 +296,7 @@ def test_a_room_type_that_nobody_can_read_is_not_said_but_noted() -> None:
 def test_any_word_says_the_kind_of_a_building_or_nothing(
     word: str, kind: str | None, note: str
 ) -> None:
-    graph = parse_robot_graph({"rooms": [], "building_kind": word}, path=Path("x"))
+    graph = read({"rooms": [], "building_kind": word})
     assert graph.building_kind == kind
     assert note_room_types(graph)[0].startswith(note)
     again = read_again(graph)
@@ -390,25 +367,15 @@ def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
         ("aisle 1, aisle 2, loading dock, packing area, office", "warehouse"),
         ("aisle 1, aisle 2, checkout, sales floor", "shop"),
         ("patient room, ward, classroom 1, classroom 2", None),
-        ("", None),
     ],
 )
 def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: str | None) -> None:
     found = guess_building_kind([name] for name in rooms.split(", "))
     assert (found and found.label) == kind
-
-
-def test_rooms_tell_the_kind_of_a_building_that_nobody_says() -> None:
-    ward = {"nurse station": ["desk"], "patient room 1": ["bed"], "toilet": []}
-    graph = parse_robot_graph(ward, path=Path("x"))
-    assert graph.building_kind == "hospital"
-    told, known = note_room_types(graph)[-2:]
-    assert told.startswith("building kind taken for `hospital`, by nurse station, patient room 1;")
-    assert "hospital" in known
-    assert encode_robot_graph(graph)["building_kind"] == "hospital"
-    for kind in ("school", "other"):
-        graph = read({**ward, "building_kind": kind})
-        assert graph.building_kind == encode_robot_graph(graph)["building_kind"] == kind
+    named = {name: [] for name in rooms.split(", ")}
+    assert read(named).building_kind == kind
+    for other in ("gym", "other"):
+        assert read({**named, "building_kind": other}).building_kind == other
 
 
 def test_what_is_empty_is_left_out_and_ids_are_made_up_or_numbers() -> None:
@@ -441,12 +408,6 @@ def test_what_is_empty_is_left_out_and_ids_are_made_up_or_numbers() -> None:
     ]
     assert graph.adjacency == ((1, 2),)
     assert [look.room_index for look in graph.looks] == [1]
-
-
-def test_a_detector_is_a_vocabulary() -> None:
-    graph = read({"rooms": [{"id": "a"}], "detector": "coco"})
-    assert len(graph.detector or ()) == 80
-    assert read_again(graph) == graph
 
 
 def test_a_detector_of_few_words_says_nothing_of_other_classes() -> None:
@@ -492,23 +453,6 @@ def test_what_is_reported_in_python_is_of_numbers_that_a_file_can_hold() -> None
     assert read_again(graph) == graph
 
 
-def test_a_look_stands_in_the_place_of_a_share() -> None:
-    rooms = [
-        {"id": "hall", "floor_in_view": 0.6},
-        {"id": "bath", "visited": False, "walls_in_view": 0.2},
-        {"id": "kitchen", "seconds_inside": 4, "box": [[0, 0, 0], [3, 2, 2.5]]},
-        {"id": "attic", "visited": False},
-    ]
-    graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("x"))
-    assert [room.share for room in graph.rooms] == [
-        estimate_hidden_share(floor_in_view=0.6),
-        estimate_hidden_share(walls_in_view=0.2),
-        estimate_hidden_share(seconds_inside=4, floor_area=6),
-        estimate_hidden_share(visited=False),
-    ]
-    assert read_again(graph) == graph
-
-
 def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
     pile = [{"id": str(n), "room": "a", "category": "book", "on": str(n + 1)} for n in range(5000)]
     bottom = {"id": "5000", "room": "a", "category": "table"}
@@ -518,3 +462,9 @@ def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
     assert read_again(graph) == graph
     with refuses(RobotGraphError, "graph-malformed", where="x"):
         read({**home, "objects": [*pile, bottom | {"on": "0"}]})
+
+
+def test_a_detector_is_a_vocabulary() -> None:
+    graph = read({"rooms": [{"id": "a"}], "detector": "coco"})
+    assert len(graph.detector or ()) == 80
+    assert read_again(graph) == graph

@@ -29,14 +29,15 @@ def test_the_table_has_each_word_once_with_rooms_of_homes_that_have_weights() ->
         assert all(float(weight) > 0 for _, weight in rooms), row
 
 
-@pytest.mark.parametrize("word", WORDS)
-def test_a_thing_is_mostly_where_the_word_before_it_says(word: str) -> None:
-    use, moved = find_use(word), move_thing(CHAIR, [word])
-    shares = dict(moved.rooms)
-    assert math.isclose(sum(shares.values()), 1)
-    assert replace(moved, rooms=CHAIR.rooms) == CHAIR
-    assert [*shares.values()] == sorted(shares.values(), reverse=True)
-    assert moved == CHAIR if use is None else sum(shares[room] for room, _ in use.rooms) > 0.75
+def test_a_thing_is_mostly_where_the_word_before_it_says() -> None:
+    for word in WORDS:
+        use, moved = find_use(word), move_thing(CHAIR, [word])
+        shares = dict(moved.rooms)
+        assert math.isclose(sum(shares.values()), 1)
+        assert replace(moved, rooms=CHAIR.rooms) == CHAIR
+        assert [*shares.values()] == sorted(shares.values(), reverse=True)
+        mostly = moved == CHAIR if use is None else sum(shares[room] for room, _ in use.rooms)
+        assert mostly > 0.75, word
 
 
 def test_what_both_say_by_hand() -> None:
