@@ -45,8 +45,8 @@ def write_recording(beliefs: Iterable[BeliefGraph], path: AnyPath) -> None:
     """
     if find_spec("rerun") is None:  # before the first graph is asked for
         raise RecipeError(
-            "a recording needs rerun-sdk; use pip install 'docs/examples/formats[rerun]' in your clone "
-            "of the project",
+            "a recording needs rerun-sdk; use pip install 'docs/examples/formats[rerun]' in your "
+            "clone of the project",
             code="library-missing",
         )
     recording = _Recording()
