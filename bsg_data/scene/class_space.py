@@ -102,7 +102,7 @@ def read_published(file: str, *, folder: str = "bsg_mappings") -> bytes:
 @cache
 def _list_published(folder: str) -> frozenset[str]:
     """Return the hashes of the published files of a folder, with their names."""
-    sums = files(folder).joinpath("SHA256SUMS").read_text("utf-8")
+    sums = files(folder).joinpath("SHA256SUMS").read_bytes().decode("utf-8", "replace")
     return frozenset(sums.splitlines())
 
 

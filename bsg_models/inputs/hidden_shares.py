@@ -45,7 +45,7 @@ EVIDENCE = 0.5  # τ
 _POSTERIOR_LEVELS = 32
 _MOST = 1 - 1e-6  # at share 1 nothing could have been seen
 _GROUPS = 16  # groups in which uncertain rooms are forgotten; up to 16 rooms are forgotten alone
-_NODES = 1 << 14  # in copies of a building, in one call of the model
+_NODES = 1 << 12  # in copies of a building, in one call of the model
 _CELLS = 1 << 15  # of a table of likelihoods, so that it stays in a fast cache
 
 

@@ -152,6 +152,8 @@ def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int
     for ends, cost in (costs or {}).items():
         what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
         start, end = (find(str(room)) for room in ends)
+        if start == end:
+            raise _refuse_costs(f"{what}: expected two rooms; leave out the way to itself")
         found[start, end] = read_number(what, cost, most=cost if cost == math.inf else _MOST)
     return found
 

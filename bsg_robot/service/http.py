@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from importlib.metadata import version
 from typing import Any
 
+import anyio
 import uvicorn
 from fastapi import FastAPI, Request, Response
 from mcp.server.transport_security import TransportSecuritySettings
@@ -114,9 +115,20 @@ def _answering(answer: Answering, path: str) -> Callable[[Request], Awaitable[Re
                     return _respond(refuse(413, fault, code="question-too-large"))
         except ClientDisconnect:
             return Response(status_code=400)  # which nobody hears
-        return _respond(await answer(path, bytes(body)))
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(_leave_with_client, request, tasks.cancel_scope)
+            response = _respond(await answer(path, bytes(body)))
+            tasks.cancel_scope.cancel()
+            return response
+        return Response(status_code=400)
 
     return respond
+
+
+async def _leave_with_client(request: Request, answering: anyio.CancelScope) -> None:
+    """Let nobody's question hold a process: after the body, only that the client left is heard."""
+    await request.receive()
+    answering.cancel()
 
 
 def _respond(answer: Answer) -> Response:

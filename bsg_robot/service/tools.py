@@ -14,6 +14,7 @@ import mcp_types as types
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
 
+from bsg_data.errors import DatasetError
 from bsg_data.files import encode_json
 from bsg_robot.service.pool import Pool
 from bsg_robot.service.questions import QUESTIONS, Answer
@@ -51,7 +52,11 @@ def make_server(answer: Answering) -> Server[Any]:
         if asked.name not in _TOOLS:
             return _refuse(f"no tool of this name; known are {', '.join(_TOOLS)}")
         path, _ = _TOOLS[asked.name]
-        status, body = await answer(path, encode_json(asked.arguments or {}).encode())
+        try:
+            question = encode_json(asked.arguments or {}).encode()
+        except DatasetError:
+            return _refuse("expected JSON, whose numbers are finite; found NaN or infinity")
+        status, body = await answer(path, question)
         content = json.loads(body)
         if status != 200:
             return _refuse(f"{content['error']} ({content['code']})")

@@ -62,7 +62,18 @@ def never_read(address: str) -> None:
     client.close()
 
 
-BROKEN: tuple[Callable[[str], None], ...] = (send_lists, send_numbers, never_read)
+def leave(address: str) -> None:
+    """Ask what takes seconds, and leave."""
+    rooms = {f"room {number}": [f"word {number} {n}" for n in range(40)] for number in range(480)}
+    body = json.dumps({"map": rooms, "things": "cup"}).encode()
+    head = b"POST /find HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
+    client.sendall(head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body)
+    time.sleep(0.5)
+    client.close()
+
+
+BROKEN: tuple[Callable[[str], None], ...] = (send_lists, send_numbers, never_read, leave)
 
 
 @pytest.mark.parametrize("broken", BROKEN, ids=lambda ask: ask.__name__)

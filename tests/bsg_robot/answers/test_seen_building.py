@@ -92,8 +92,9 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
     assert from_there == {**dict.fromkeys(costs), "attic": 0}
     given = {("attic", "kitchen"): 2.0}
     assert {p.room: p.cost for p in seen.where("stove", here="kitchen", costs=given)}["attic"] == 2
-    with pytest.raises(RecipeError, match="costs: "):
-        seen.where("stove", costs={("kitchen", "attic"): float("nan")})
+    for wrong in ({("kitchen", "attic"): float("nan")}, {("attic", "attic"): 1.0}):
+        with pytest.raises(RecipeError, match="costs: "):
+            seen.where("stove", costs=wrong)
 
 
 @pytest.mark.parametrize(

@@ -131,6 +131,37 @@ def test_what_nobody_foresaw_is_answered_as_json() -> None:
     assert ask_app(make_app(fail), "/nothing") == (404, "path-unknown")
 
 
+def test_a_question_whose_client_has_left_holds_no_process() -> None:
+    ended = []
+
+    async def answer(*_: Any) -> Answer:
+        try:
+            await anyio.sleep_forever()
+        finally:
+            ended.append("the answer")
+        raise AssertionError
+
+    messages = [
+        {"type": "http.request", "body": b"{}", "more_body": False},
+        {"type": "http.disconnect"},
+    ]
+    headers = [(b"host", b"localhost"), (b"content-type", b"application/json")]
+    scope = {"type": "http", "method": "POST", "path": "/find", "query_string": b""}
+
+    async def receive() -> Any:
+        return messages.pop(0)
+
+    async def send(_: Any) -> None:
+        pass
+
+    async def run() -> None:
+        with anyio.fail_after(10):
+            await make_app(answer)(scope | {"headers": headers}, receive, send)
+
+    anyio.run(run)
+    assert ended == ["the answer"]
+
+
 BLANK = {"robots": {}, "look": "", "chance": None, "task": "", "labels": None}
 BUDGET = FIND | {"here": "hall", "budget": 9, "speed": 0.5}
 

@@ -86,6 +86,7 @@ def test_killed_processes_are_replaced_and_the_service_ends_in_order(
                     tasks.start_soon(post, LONG)
                 await anyio.sleep(1)
                 process.terminate()
-        assert codes[-10:] == ["service-ending"] * 10
+        assert codes[-1] == "service-ending"
+        assert {*codes[-10:]} <= {"answered", "service-ending"}, "what ends within seconds is told"
 
     anyio.run(run)
