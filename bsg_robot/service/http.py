@@ -115,12 +115,12 @@ def _answering(answer: Answering, path: str) -> Callable[[Request], Awaitable[Re
                     return _respond(refuse(413, fault, code="question-too-large"))
         except ClientDisconnect:
             return Response(status_code=400)  # which nobody hears
+        response = Response(status_code=400)
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(_leave_with_client, request, tasks.cancel_scope)
             response = _respond(await answer(path, bytes(body)))
             tasks.cancel_scope.cancel()
-            return response
-        return Response(status_code=400)
+        return response
 
     return respond
 
