@@ -43,10 +43,12 @@ class Command(click.Command):
     """A command with `-h`, `--version` and the exit codes of this project."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        names = {"help_option_names": ["-h", "--help"]}
-        kwargs["context_settings"] = names | (kwargs.get("context_settings") or {})
         super().__init__(*args, **kwargs)
         click.version_option(package_name="belief-scene-graphs")(self)
+
+    def get_help_option_names(self, ctx: click.Context) -> list[str]:
+        """Return `-h` and `--help`, whatever the context: click keeps what the first one said."""
+        return ["-h", "--help"]
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:
         """Run the command and exit with one of the five exit codes.
