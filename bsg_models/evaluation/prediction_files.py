@@ -83,10 +83,10 @@ def _read(path: Path) -> pa.Table:
     with refusing_damage(path, error=PredictionError):
         found = pq.read_schema(path).names
         required = [*KEYS, "presence", "expected"]
-        if absent := [name for name in required if name not in found]:
+        if wrong := [name for name in required if found.count(name) != 1]:
             raise PredictionError(
-                f"{path}: expected the columns {', '.join(required)}; {', '.join(absent)} missing; "
-                f"found {', '.join(found[:20])}",
+                f"{path}: expected the columns {', '.join(required)}, each once; not so of "
+                f"{', '.join(wrong)}; found {', '.join(found[:20])}",
                 code="predictions-column",
                 where=path,
             )
