@@ -79,9 +79,12 @@ def may_be_one(first: frozenset[str], second: frozenset[str]) -> bool:
     >>> [may_be_one(frozenset({"nokia"}), frozenset({one})) for one in ("black", "samsung")]
     [True, False]
     """
-    brands = [words - _list_words(*_APPEARANCES) for words in (first, second)]  # and kinds of it
-    looks = ([words & _list_words(kind) for words in (first, second)] for kind in _APPEARANCES)
-    return not any(a and b and a.isdisjoint(b) for a, b in (brands, *looks))
+    looks = _list_words(*_APPEARANCES)
+    mine, theirs = first - looks, second - looks  # brands, and kinds of the thing
+    if mine and theirs and mine.isdisjoint(theirs):
+        return False
+    shared = ((first & kind, second & kind) for kind in map(_list_words, _APPEARANCES))
+    return not any(mine and theirs and mine.isdisjoint(theirs) for mine, theirs in shared)
 
 
 @cache
