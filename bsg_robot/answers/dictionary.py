@@ -292,9 +292,8 @@ class Dictionary:
         if thing is not None:
 
             def is_thing(word: str) -> bool:
-                things = find_everyday(word), find_wider(word)[0]
-                names = {name for row in things if row for name in (row.name, row.wider)}
-                if names.isdisjoint(thing.names) and not (noun and noun.names(word)):
+                known = _list_names(word)
+                if known.isdisjoint(thing.names) and not (noun and noun.names(word)):
                     return False
                 told = tell_apart(word)
                 return meaning.kind <= told and may_be_one(meaning.told, told)
@@ -311,3 +310,10 @@ class Dictionary:
             return thing is not None and thing.wider == meaning.class_name
 
         return is_of_class
+
+
+@lru_cache(maxsize=4096)  # all that is sought is compared with all that was seen
+def _list_names(word: str) -> frozenset[str | None]:
+    """Return the names of the things that a word is read as, and of what they are kinds of."""
+    things = find_everyday(word), find_wider(word)[0]
+    return frozenset(name for row in things if row for name in (row.name, row.wider))
