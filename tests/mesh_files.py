@@ -91,15 +91,8 @@ HOME = (
 UP = {"y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "z": np.eye(3)}  # of the file, in axes of the home
 
 
-def write_homes(root: Path, *, scenes: int, quads: int = 1, pixels: int = 1) -> None:
-    """Write homes as HM3D has them, with a mesh beside each annotation: Y up, then Z up, in turns.
-
-    Args:
-        root: the folder above them.
-        scenes: how many.
-        quads: along each side of each rectangle.
-        pixels: along each side of its texture.
-    """
+def write_homes(root: Path, *, scenes: int) -> None:
+    """Write homes as HM3D has them, with meshes beside the annotations: Y up and Z up, in turns."""
     lines = [
         f'{number},{number:X},"{name}",{region}'
         for number, (name, region, *_) in enumerate(HOME, start=1)
@@ -108,19 +101,14 @@ def write_homes(root: Path, *, scenes: int, quads: int = 1, pixels: int = 1) -> 
         name = f"example{scene:04d}"
         path = root / f"{scene:05d}-{name}" / f"{name}.semantic.txt"
         turn = np.array(UP["yz"[scene % 2]])
-        write_glb(path.with_suffix(".glb"), *_paint_home(turn, quads, pixels))
+        write_glb(path.with_suffix(".glb"), *_paint_home(turn))
         path.write_text("\n".join(["HM3D Semantic Annotations", *lines, ""]), "utf-8")
 
 
-def _paint_home(turn: Any, quads: int, pixels: int) -> Iterator[trimesh.Trimesh]:
+def _paint_home(turn: Any) -> Iterator[trimesh.Trimesh]:
     """Yield a rectangle of one colour for each thing of a home."""
-    place = np.stack(np.meshgrid(*[np.linspace(0, 1, quads + 1)] * 2), axis=-1).reshape(-1, 2)
-    first = (np.arange(quads)[:, None] * (quads + 1) + np.arange(quads)).reshape(-1, 1)
-    far = first + quads + 1
-    faces = np.concatenate(
-        [np.hstack([first, first + 1, far + 1]), np.hstack([first, far + 1, far])]
-    )
+    place = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
     for number, (_, _, corner, *sides) in enumerate(HOME, start=1):
-        image = Image.new("RGB", (pixels, pixels), (0, 0, number))
+        image = Image.new("RGB", (1, 1), (0, 0, number))
         points = (np.array(corner) + place @ np.array(sides, dtype=float)) @ turn
-        yield make_mesh(points, faces, place, as_file(image, "PNG"))
+        yield make_mesh(points, [[0, 1, 3], [0, 3, 2]], place, as_file(image, "PNG"))

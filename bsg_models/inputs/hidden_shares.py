@@ -49,15 +49,12 @@ _NODES = 1 << 12  # in copies of a building, in one call of the model
 _CELLS = 1 << 15  # of a table of likelihoods, so that it stays in a fast cache
 
 
-def spread_shares(
-    graphs: Sequence[PartialGraph], seen: Observation, *, levels: int = _LEVELS
-) -> tuple[Observation, Floats]:
+def spread_shares(graphs: Sequence[PartialGraph], seen: Observation) -> tuple[Observation, Floats]:
     """Return the observation at several levels of the hidden shares, and the weight of each level.
 
     Args:
         graphs: what a robot knows of B buildings.
         seen: the same as arrays.
-        levels: K.
 
     Returns:
         K copies of all buildings, one per level, and weights `[K]` that sum to 1. If every share is
@@ -66,14 +63,14 @@ def spread_shares(
     beliefs = [room.share for graph in graphs for room in graph.rooms]
     if all(belief.is_certain for belief in beliefs):
         return seen, np.ones(1)
-    nodes, weights = gauss_legendre(levels)
+    nodes, weights = gauss_legendre(_LEVELS)
     hidden_shares: list[float] = []
     for shares in _find_quantiles(beliefs, (1 + nodes) / 2).tolist():
         of_room = iter(shares)
         for graph in graphs:
             own = [*islice(of_room, len(graph.rooms))]
             hidden_shares += graph.share_with(own), *own
-    copies = seen.take(np.tile(np.arange(len(seen)), levels))
+    copies = seen.take(np.tile(np.arange(len(seen)), _LEVELS))
     return replace(copies, hidden_share=np.array(hidden_shares, dtype=np.float32)), weights / 2
 
 

@@ -26,7 +26,6 @@ from typing import Any
 from folds import (
     READS,
     FoldModel,
-    Tally,
     list_models,
     mask_of,
     measure,
@@ -279,7 +278,7 @@ def report_steps(options: argparse.Namespace) -> Tables:
     """Return how likely each model makes what is hidden, and what it gains on the one before."""
     rows, before = [], None
     for name in _models(options):
-        found = {mask: _under(options, name, tally_likelihood, mask=mask) for mask in STEP_MASKS}
+        found = {mask: _under(options, name, mask=mask) for mask in STEP_MASKS}
         cells = []
         for mask, one in found.items():
             gained = before and format_estimate(one.difference(before[mask], "nll"), signed=True)
@@ -415,17 +414,11 @@ def _models(options: argparse.Namespace) -> list[str]:
     return options.models or list_models(options.leaderboard)
 
 
-def _under(
-    options: argparse.Namespace,
-    name: str,
-    tally: Tally,
-    *,
-    mask: str,
-) -> Bootstrap:
+def _under(options: argparse.Namespace, name: str, *, mask: str) -> Bootstrap:
     print(f"measures {name} under {mask}", file=sys.stderr, flush=True)
     return measure(
         open_folds(options.leaderboard, name, options.folds),
-        tally,
+        tally_likelihood,
         mask=mask_of(open_dataset(options.leaderboard, name), mask),
         draws=options.draws,
         resamples=options.resamples,

@@ -1,7 +1,7 @@
 """Measure how fast the main jobs are beside what people would use instead, and write the tables.
 
     python scripts/measure/speed.py --hm3d PATH --out docs/results/figures.json
-    python scripts/measure/speed.py --only texts meshes   # prints two rows
+    python scripts/measure/speed.py --only texts training   # prints two rows
 
 Each row compares two ways to do the same work, which take turns in one run on one core; the least
 seconds of processor count. Without HM3D's annotations, buildings are synthetic.
@@ -27,7 +27,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import torch
-import trimesh
 from results import ResultsTable, write_figures
 from torch import nn
 from torch.nn.functional import dropout, mse_loss, relu
@@ -53,9 +52,8 @@ from bsg_models.zoo.config import override, validate_config
 from bsg_models.zoo.model import one_thread
 from bsg_robot import open_graph
 
-TESTS = Path(__file__).parents[2] / "tests"
 BUILDINGS = 145  # as many as HM3D's of the train split that are public
-MESHES, EPOCHS = 2, 50
+EPOCHS = 50
 GROWTH = (100, 400, 2000)  # the first is what a command takes to start
 ROOMS = (250, 1000)
 ENTRIES = (100, 2000)
@@ -238,23 +236,6 @@ def measure_entries(_: Path, folder: Path) -> Iterator[Speed]:
     yield Speed(what, f"{many // few} builds of {few}", ours, theirs, target=1.2)
 
 
-def measure_meshes(_: Path, folder: Path) -> Iterator[Speed]:
-    """Yield what a build of full-size meshes takes beside trimesh reading them and their pixels."""
-    sys.path.append(str(TESTS))
-    from mesh_files import write_homes
-
-    write_homes(folder / "raw", scenes=MESHES, quads=250, pixels=2048)
-
-    def load() -> None:
-        for file in sorted((folder / "raw").rglob("*.glb")):
-            for part in trimesh.load_scene(file).geometry.values():
-                np.asarray(part.visual.material.baseColorTexture)
-
-    ours, theirs = time_both(lambda: build(folder / "raw", folder / "dataset"), load, repeats=3)
-    against = "trimesh.load of the same files, textures unpacked"
-    yield Speed(f"a build of {MESHES} full-size meshes", against, ours, theirs, target=2.5)
-
-
 # Training
 
 
@@ -367,14 +348,13 @@ def make_grid(rooms: int) -> dict[str, Any]:
 
 JOBS: Mapping[str, Callable[[Path, Path], Iterator[Speed]]] = {
     "texts": measure_texts,
-    "meshes": measure_meshes,
     "training": measure_training,
     "entries": measure_entries,
     "growth": measure_growth,
     "decisions": measure_decisions,
 }
 SHOWN = {
-    "Beside what you would use instead": ("texts", "meshes", "training"),
+    "Beside what you would use instead": ("texts", "training"),
     "As the data grow": ("entries", "growth", "decisions"),
 }
 
