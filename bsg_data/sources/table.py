@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point
@@ -97,11 +98,16 @@ class _ObjectTable:
         raise SourceError(message, code="terms-missing", where=self.path)
 
     def find(self) -> FoundScenes:
-        """Find the scenes of the table, and the columns that are not read."""
-        scenes, unread = read_scenes(self.path, tuple(self.options.items()))
+        """Find the scenes of the table, and what of it is not read."""
+        scenes, unread, left_out = read_scenes(self.path, tuple(self.options.items()))
         refs = [SceneRef(name, name, _digest(scene)) for name, scene in scenes.items()]
         found = keep_one_copy(refs, path=self.path, expected="no row; expected an object a row")
-        return replace(found, unused=skip_columns(self.path, unread))
+        notes = (
+            SkippedScene("all", self.path.name, f"{what}: {times:,}")
+            for what, times in sorted(left_out.items())
+            if times
+        )
+        return replace(found, unused=(*skip_columns(self.path, unread), *notes))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""

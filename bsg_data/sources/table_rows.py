@@ -8,8 +8,9 @@ from __future__ import annotations
 import re
 import unicodedata
 from array import array
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar
@@ -122,8 +123,8 @@ Scene = tuple[Sequence[Row], Facts]
 @once_for_each_state
 def read_scenes(
     path: Path, named: tuple[tuple[str, int | str], ...]
-) -> tuple[Mapping[str, Scene], Sequence[str]]:
-    """Read the scenes, in the order of their names, and the columns that are not read.
+) -> tuple[Mapping[str, Scene], Sequence[str], Mapping[str, int]]:
+    """Read the scenes, in the order of their names; what columns and how much else is not read.
 
     Args:
         path: of the table.
@@ -141,7 +142,7 @@ def read_scenes(
     found = {
         scene: (rows, _gather_facts(rows, cells, scene)) for scene, rows in sorted(scenes.items())
     }
-    return found, _hint_unread(cells)
+    return found, _hint_unread(cells), cells.left_out
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,7 @@ class _Cells:
     words: Mapping[str, Sequence[Any]]  # field → its different cells
     codes: Mapping[str, Sequence[int]]  # field → which of these is in a row
     lines: Sequence[int] = ()  # of the rows of a text
+    left_out: Counter[str] = field(default_factory=Counter)
 
     def where(self, row: int, *, within: str = "") -> str:
         """Return how errors name a row."""
@@ -169,13 +171,17 @@ def _read_text(path: Path, named: Mapping[str, str]) -> _Cells:
     words: dict[str, dict[str, int]] = {field: {} for field in columns}
     codes = {field: array("q") for field in columns}
     read = [(words[field], codes[field], at) for field, at in columns.items()]
+    repeated = 0  # of tables that were joined
     for line, row in rows:
-        if row == names:  # of tables that were joined
+        if row == names:
+            repeated += 1
             continue
         lines.append(line)
         for known, numbers, at in read:
             numbers.append(known.setdefault(row[at], len(known)))
-    return _Cells(path, header, columns, {field: [*words[field]] for field in words}, codes, lines)
+    left_out = Counter({"rows that repeat the header, left out": repeated})
+    different = {field: [*words[field]] for field in words}
+    return _Cells(path, header, columns, different, codes, lines, left_out)
 
 
 def _read_parquet(path: Path, named: Mapping[str, str]) -> _Cells:
@@ -222,7 +228,8 @@ def _list_rows(cells: _Cells) -> Iterator[tuple[str, Row]]:
             where = cells.where(number)
             raise SourceError(f"{where}: {fault}", code="row-malformed", where=where)
         scene, room, category, count, label, floor, area, connected, *places = values
-        if count == 0 and room is None:  # no object
+        if count == 0 and room is None:
+            cells.left_out["rows of no object and no room (count is 0), left out"] += 1
             continue
         point, low, high = (tuple(places[at : at + 3]) for at in (0, 3, 6))
         centroid = None if None in point else point
@@ -276,6 +283,10 @@ def _read_column(cells: _Cells, field: str) -> list[Any]:
     """Return what each row says in a column; an error names the first row of a cell."""
     codes = cells.codes[field]
     words = _clean(cells.words[field])
+    for number, times in Counter(codes).items():
+        cell = cells.words[field][number]
+        if words[number] is None and isinstance(cell, str) and cell.strip():
+            cells.left_out[f"cells that say {cell.strip()}, read as empty"] += times
     if field == "connected":
         words = [_split(word) if isinstance(word, str) else word for word in words]
     try:

@@ -290,7 +290,7 @@ UNREAD = "columns that are not read: "
         ('scene,room,category,memo\na,1,bed,"two\nlines"\n', [UNREAD + "memo"]),
         (
             "scene,room,category\na,1,bed\nscene,room,category\n",
-            [],
+            ["rows that repeat the header, left out: 1"],
         ),
     ],
 )
@@ -320,3 +320,20 @@ def test_text_of_parquet_may_be_bytes_and_dictionaries_but_no_lists(tmp_path: Pa
     pq.write_table(pa.table(columns), tmp_path / "t.parquet")
     with refuses(SourceError, "table-lists", tmp_path / "t.parquet"):
         open_source("table", tmp_path / "t.parquet").find()
+
+
+def test_what_is_left_out_is_counted(tmp_path: Path) -> None:
+    rows = [
+        "scene,room,category,count",
+        "a,hall,chair,1",
+        "a,,chair,0",
+        "a,NA,table,",
+        "a,hall,NA,",
+    ]
+    (tmp_path / "t.csv").write_text("\n".join([*rows, rows[0], rows[0], ""]), "utf-8")
+    notes = open_source("table", tmp_path / "t.csv").find().unused
+    assert [note.reason for note in notes] == [
+        "cells that say NA, read as empty: 2",
+        "rows of no object and no room (count is 0), left out: 1",
+        "rows that repeat the header, left out: 2",
+    ]
